@@ -1,0 +1,1 @@
+"""What the controller drives: robot models and the arms simulated from them."""

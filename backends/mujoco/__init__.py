@@ -1,0 +1,5 @@
+"""The MuJoCo arm: torque-driven joints under a position controller."""
+
+from backends.mujoco.backend import MujocoBackend
+
+__all__ = ["MujocoBackend"]

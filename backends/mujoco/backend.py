@@ -1,0 +1,101 @@
+"""The MuJoCo arm: seven torque-driven joints, friction and armature from the facts, under a position controller.
+
+The position controller stands for the one in the real Cabinet, whose gains are not public (facts 4.3): computed torque
+with the arm's own mass matrix and bias (gravity, Coriolis), critically damped. Friction is left to the loop, as there.
+
+Measured torque is the link side of the gear, actuation minus the torque that accelerates the rotor, with the sign of
+the facts (4.4). Not modelled: contact, joint elasticity, gear friction, sensor offset, position noise.
+"""
+
+import mujoco
+import numpy as np
+
+from backends.base import InProcessBackend
+from backends.mujoco.torque_sensors import TorqueSensors
+from backends.robots import load_mujoco
+from hil.values.arm import ArmState, Capabilities, JointCommand
+from hil.values.errors import BackendError
+from hil.values.fri import ControlMode, DriveState
+from hil.values.robot import JOINT_COUNT, RobotDescription
+
+_STEP_NS = 1_000_000
+_ACTIVE = (DriveState.ACTIVE,) * JOINT_COUNT
+
+LOOP_FREQUENCY_RAD_S = 100.0
+"""Natural frequency of the position loop. Ours: a tenth of the simulation rate, so the discrete loop is well damped."""
+
+
+class MujocoBackend(InProcessBackend):
+    """One arm in one MuJoCo world; ``seed`` is that of the sensor noise."""
+
+    def __init__(self, description: RobotDescription, *, seed: int = 0) -> None:
+        super().__init__()
+        self._description = description
+        self._model = load_mujoco(description.name)
+        self._model.opt.timestep = _STEP_NS * 1e-9
+        self._data = mujoco.MjData(self._model)
+        self._sensors = TorqueSensors(seed=seed)
+        self._steps = 1
+        self._acceleration = np.zeros(JOINT_COUNT)
+        self._torque = np.zeros(JOINT_COUNT)
+        self._torque_limit = np.array(description.limits.torque_nm)
+        self._armature = self._model.dof_armature.copy()
+        self._from = np.array(description.initial_position_rad)
+        self._to = self._from.copy()
+        self._velocity = np.zeros(JOINT_COUNT)
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """Seven joints, position control, cycles of whole milliseconds."""
+        return Capabilities(
+            joint_count=JOINT_COUNT,
+            control_modes=frozenset({ControlMode.POSITION}),
+            shortest_period_ns=_STEP_NS,
+            paces_the_cycle=False,
+            moves_real_drives=False,
+        )
+
+    def _open(self, period_ns: int) -> None:
+        self._steps = period_ns // _STEP_NS
+        data = self._data
+        data.qpos[:] = self._from
+        data.qvel[:] = 0.0
+        mujoco.mj_forward(self._model, data)
+        data.ctrl[:] = data.qfrc_bias
+        mujoco.mj_forward(self._model, data)
+
+    def _read(self) -> ArmState:
+        data = self._data
+        actuation = data.qfrc_actuator
+        measured, external = self._sensors.sense(self._armature * data.qacc - actuation, data.qfrc_applied)
+        return ArmState(
+            tuple(data.qpos.tolist()),
+            tuple(data.qvel.tolist()),
+            tuple(measured.tolist()),
+            tuple(external.tolist()),
+            tuple((-actuation).tolist()),
+            _ACTIVE,
+        )
+
+    def _write(self, command: JointCommand) -> None:
+        self._from, self._to = self._to, np.array(command.position_rad)
+        self._velocity = np.array(command.velocity_rad_s)
+
+    def _step(self) -> None:
+        model, data = self._model, self._data
+        stride = (self._to - self._from) / self._steps
+        for index in range(self._steps):
+            mujoco.mj_step1(model, data)
+            self._control(self._from + index * stride)
+            mujoco.mj_step2(model, data)
+        if not data.qpos[0] == data.qpos[0] or data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number:
+            raise BackendError(f"MuJoCo diverged at simulation time {data.time:.3f} s")
+
+    def _control(self, reference: "np.ndarray[tuple[int], np.dtype[np.float64]]") -> None:
+        data = self._data
+        self._acceleration[:] = LOOP_FREQUENCY_RAD_S * LOOP_FREQUENCY_RAD_S * (
+            reference - data.qpos
+        ) + 2.0 * LOOP_FREQUENCY_RAD_S * (self._velocity - data.qvel)
+        mujoco.mj_mulM(self._model, data, self._torque, self._acceleration)
+        self._torque += data.qfrc_bias
+        data.ctrl[:] = np.clip(self._torque, -self._torque_limit, self._torque_limit)

@@ -1,0 +1,1 @@
+"""fri-hil: an open controller emulator for KUKA's light-weight arms."""

@@ -1,0 +1,1 @@
+"""The command line: ``hil run | demo | bench | config``."""

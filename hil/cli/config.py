@@ -1,0 +1,58 @@
+"""``hil config``: write, check and describe station files."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from hil.config.station import Station, load_station
+from hil.config.template import TEMPLATE
+from hil.values.errors import ConfigurationError
+
+app = typer.Typer(help="Write, check and describe station files.", no_args_is_help=True)
+
+
+@app.command()
+def init(file: Annotated[Path, typer.Argument(help="File to write.")] = Path("station.toml")) -> None:
+    """Write a commented station file with all defaults. Never overwrites one."""
+    try:
+        with file.open("x", encoding="utf-8") as stream:
+            stream.write(TEMPLATE)
+    except FileExistsError:
+        raise ConfigurationError(f"{file} is there already; give another name") from None
+    except OSError as error:
+        raise ConfigurationError(f"cannot write {file}: {error.strerror}") from error
+    typer.echo(f"wrote {file}; run it with: hil run {file}")
+
+
+@app.command()
+def check(file: Annotated[Path, typer.Argument(help="Station file to check.")]) -> None:
+    """Check a station file, addresses and names included, and show what it means."""
+    station = load_station(file)
+    from backends.robots import load_description
+    from hil.runtime.assembly import check_backend, fri_addresses
+
+    table = Table(
+        "robot", "model", "backend", "mode", "cycle", "FRI client", "served from", "release", "period", "overlay"
+    )
+    for robot in station.robot:
+        load_description(robot.model)
+        check_backend(robot.backend)
+        addresses = fri_addresses(robot)
+        fri = robot.fri
+        links = ["-"] * 5
+        if fri is not None and addresses is not None:
+            period = f"{fri.send_period_ms} ms x {fri.receive_multiplier}"
+            links = [str(addresses.peer), str(addresses.bind), fri.release.value, period, fri.overlay.value]
+        table.add_row(robot.name, robot.model, robot.backend, robot.mode.value, f"{robot.cycle_ms} ms", *links)
+    Console().print(table)
+    typer.echo(f"{file} is good")
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON schema of station files."""
+    typer.echo(json.dumps(Station.model_json_schema(), indent=2))

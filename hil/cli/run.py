@@ -1,0 +1,92 @@
+"""``hil run``: be the controller, until Ctrl-C or the duration ends it."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from hil.config.station import Mode, Overlay, Station, load_station, parse_station
+from hil.values.errors import ConfigurationError
+from hil.values.fri import Release
+
+_ENDPOINTS = ("client", "bind")
+"""Options that name an address: they cannot hold for several robots at once."""
+
+
+def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody calls this with positions
+    station: Annotated[
+        Path | None, typer.Argument(help="Station file (TOML); options override it. See: hil config init")
+    ] = None,
+    robot: Annotated[str | None, typer.Option(help="Robot model, such as lbr-iiwa-14-r820 (the default).")] = None,
+    backend: Annotated[str | None, typer.Option(help="Robot side: mujoco (the default) or ideal.")] = None,
+    mode: Annotated[Mode | None, typer.Option(help="Operation mode; AUT is the default.")] = None,
+    fri_client: Annotated[
+        str | None, typer.Option(metavar="HOST[:PORT]", help="Where the FRI client listens; 127.0.0.1:30200.")
+    ] = None,
+    fri_bind: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDR[:PORT]",
+            help="Where the client is served from. A client that was given the controller's name hears only its own "
+            "port number: 127.0.0.2:30200 serves one on this machine that is bound to 127.0.0.1.",
+        ),
+    ] = None,
+    fri_version: Annotated[
+        Release | None, typer.Option(help="Release of the client's FRI library; 1.15 is the default.")
+    ] = None,
+    send_period: Annotated[int | None, typer.Option(metavar="MS", help="Send period, 1..100 ms; 1.")] = None,
+    receive_multiplier: Annotated[int | None, typer.Option(metavar="N", help="Client answers every n-th; 1.")] = None,
+    overlay: Annotated[Overlay | None, typer.Option(help="What the client may command; joint-position.")] = None,
+    capture: Annotated[Path | None, typer.Option(metavar="FILE.pcapng", help="Record all packets.")] = None,
+    duration: Annotated[float | None, typer.Option(metavar="S", min=0.0, help="End after so many seconds.")] = None,
+    status_json: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the run's figures at exit.")] = None,
+    progress: Annotated[
+        float, typer.Option(metavar="S", min=0.0, help="Seconds between progress lines; 0: none.")
+    ] = 1.0,
+    realtime: Annotated[bool, typer.Option("--realtime", help="Ask for SCHED_FIFO, locked memory, a CPU.")] = False,
+) -> None:
+    """Serve FRI clients, with a robot side of your choice. Ctrl-C brakes the arm, closes the session, and reports."""
+    overrides = {"model": robot, "backend": backend, "mode": mode}
+    fri = {
+        "client": fri_client,
+        "bind": fri_bind,
+        "release": fri_version,
+        "send_period_ms": send_period,
+        "receive_multiplier": receive_multiplier,
+        "overlay": overlay,
+    }
+    chosen = station_of(station, robot=_given(overrides), fri=_given(fri), capture=capture, realtime=realtime)
+    from hil.cli.summary import print_summary
+    from hil.runtime.run import RunOptions, run_station
+
+    result = run_station(chosen, RunOptions(duration_s=duration, status_json=status_json, progress_s=progress))
+    print_summary(result.status)
+    if result.fault is not None:
+        raise typer.Exit(1)
+
+
+def station_of(
+    path: Path | None, *, robot: dict[str, Any], fri: dict[str, Any], capture: Path | None, realtime: bool
+) -> Station:
+    """Return the station of a file (or one default robot with an FRI link) with options laid over it."""
+    content: dict[str, Any] = {"robot": [{"fri": {}}]}
+    if path is not None:
+        content = load_station(path).model_dump(exclude_unset=True)
+    robots = content["robot"]
+    if len(robots) > 1 and (several := [name for name in _ENDPOINTS if name in fri]):
+        raise ConfigurationError(
+            f"{path} has {len(robots)} robots, and --fri-{several[0]} can be that of one only: set it in the file"
+        )
+    for one in robots:
+        one.update(robot)
+        if fri:
+            one["fri"] = {**(one.get("fri") or {}), **fri}
+    if capture is not None:
+        content["capture"] = capture
+    if realtime:
+        content["realtime"] = True
+    return parse_station(content, where="command line" if path is None else f"{path} with the options given")
+
+
+def _given(options: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in options.items() if value is not None}

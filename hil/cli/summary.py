@@ -1,0 +1,63 @@
+"""The table a run ends with."""
+
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+
+def print_summary(status: dict[str, Any]) -> None:
+    """Print the figures of a status file as a table, one column a robot."""
+    robots: dict[str, Any] = status["robots"]
+    console = Console()
+    table = Table("", *robots, title="fri-hil run")
+    rows = {name: _figures(robot) for name, robot in robots.items()}
+    for label in next(iter(rows.values()), {}):
+        table.add_row(label, *(figures.get(label, "-") for figures in rows.values()))
+    console.print(table)
+    for name, robot in robots.items():
+        _print_history(console, name, robot)
+    if (capture := status["capture"]) is not None:
+        console.print(f"capture {capture['path']}: {capture['written']} packets, {capture['dropped']} dropped")
+        if capture["error"]:
+            console.print(f"[red]capture: {capture['error']}[/red]")
+    if status["fault"]:
+        console.print(f"[red]fault: {status['fault']}[/red]")
+
+
+def _figures(robot: dict[str, Any]) -> dict[str, str]:
+    figures = {
+        "robot": f"{robot['model']} ({robot['backend']}, {robot['mode']})",
+        "rate": "-" if robot["rate_hz"] is None else f"{robot['rate_hz']:.3f} Hz",
+        "cycles": f"{robot['ticks']}, {robot['missed_cycles']} missed",
+        "lateness": _distribution(robot["lateness_us"]),
+        "cycle": _distribution(robot["cycle_us"]),
+        "max flange speed": f"{robot['max_flange_speed_mm_s']:.1f} mm/s",
+        "stops": str(len(robot["stops"])),
+    }
+    if robot["session"] is not None:
+        packets = robot["packets"]
+        drops = ", ".join(f"{reason} {count}" for reason, count in packets["dropped"].items() if count)
+        figures |= {
+            "session": f"{robot['session']['state']}, quality {robot['session']['quality']}",
+            "answer latency": _distribution(robot["answer_latency_us"]),
+            "packets": f"{packets['sent']} sent, {packets['received']} received, {packets['accepted']} accepted",
+            "dropped": drops or "none",
+        }
+    return figures
+
+
+def _distribution(summary: dict[str, float | None]) -> str:
+    if summary["max"] is None:
+        return "-"
+    return "  ".join(f"{name.replace('_', '.')} {value:.0f}" for name, value in summary.items()) + " us"
+
+
+def _print_history(console: Console, name: str, robot: dict[str, Any]) -> None:
+    session = robot["session"]
+    if session is None or not session["history"]:
+        return
+    table = Table("time", "session state", "quality", "reason", title=f"{name}: session")
+    for change in session["history"][-12:]:
+        table.add_row(f"{change['at_s']:.3f} s", change["to"], change["quality"], change["reason"])
+    console.print(table)

@@ -1,0 +1,160 @@
+"""The station file (TOML): robots, their backends and their links. Unknown keys are errors."""
+
+import tomllib
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from hil.core.settings import CYCLE_CHOICES_MS, ControllerSettings, FriSettings
+from hil.values.errors import ConfigurationError
+from hil.values.fri import CLIENT_PORT, OperationMode, Release
+from hil.values.link import Address
+
+
+class Mode(StrEnum):
+    """Operation mode."""
+
+    T1 = "T1"
+    T2 = "T2"
+    AUT = "AUT"
+
+
+class Overlay(StrEnum):
+    """What the robot application lays over its position hold."""
+
+    NONE = "none"
+    JOINT_POSITION = "joint-position"
+
+
+class Overrun(StrEnum):
+    """What happens to control cycles that could not begin in time. All are counted."""
+
+    SKIP = "skip"
+    """They are left out; the arm's time stands still for them."""
+    CATCH_UP = "catch-up"
+    """They are run at once, one after the other, ten at most."""
+    FAULT = "fault"
+    """The first one ends the run: the arm brakes, the sessions close, exit code 1."""
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class FriConfig(_Model):
+    """``[robot.fri]``: one FRI client."""
+
+    client: Annotated[str, Field(description="HOST[:PORT] of the FRI client")] = f"127.0.0.1:{CLIENT_PORT}"
+    bind: Annotated[
+        str | None,
+        Field(description="ADDR[:PORT] to serve from; default: any free port for a client on this machine, else 30200"),
+    ] = None
+    release: Annotated[Release, Field(description="release of the client's FRI library")] = Release.V1_15
+    send_period_ms: Annotated[int, Field(description="1..100, a multiple of the control cycle")] = 1
+    receive_multiplier: Annotated[int, Field(description="the client answers every n-th message")] = 1
+    overlay: Annotated[Overlay, Field(description="overlay of the robot application")] = Overlay.JOINT_POSITION
+    watchdog_ms: Annotated[
+        int | None,
+        Field(description="silence that ends a commanded motion; default: 50, or 3 answer periods if longer"),
+    ] = None
+
+    def settings(self, peer: Address) -> FriSettings:
+        """Return the core's settings; raise :class:`ConfigurationError` for a pairing that cannot work."""
+        return FriSettings(
+            peer=peer,
+            send_period_ms=self.send_period_ms,
+            receive_multiplier=self.receive_multiplier,
+            joint_position_overlay=self.overlay is Overlay.JOINT_POSITION,
+            watchdog_ms=self.watchdog_ms,
+        )
+
+    @model_validator(mode="after")
+    def _pairings(self) -> Self:
+        self.settings(Address("127.0.0.1", CLIENT_PORT))
+        return self
+
+
+class RobotConfig(_Model):
+    """``[[robot]]``: one robot with its robot side and its links."""
+
+    name: Annotated[str, Field(min_length=1, max_length=40, description="name in logs and status")] = "arm"
+    model: Annotated[str, Field(description="robot model")] = "lbr-iiwa-14-r820"
+    backend: Annotated[str, Field(description="robot side: mujoco or ideal")] = "mujoco"
+    mode: Annotated[Mode, Field(description="operation mode")] = Mode.AUT
+    cycle_ms: Annotated[int, Field(description=f"control cycle: {', '.join(map(str, CYCLE_CHOICES_MS))} ms")] = 1
+    overrun: Annotated[Overrun, Field(description="what happens to missed cycles")] = Overrun.SKIP
+    seed: Annotated[int, Field(ge=0, description="seed of the simulated sensor noise")] = 0
+    fri: Annotated[FriConfig | None, Field(description="FRI link; leave the section out for none")] = None
+
+    def settings(self, *, unix_epoch_ns: int, fri_peer: Address | None) -> ControllerSettings:
+        """Return the core's settings; raise :class:`ConfigurationError` for a pairing that cannot work."""
+        return ControllerSettings(
+            operation_mode=OperationMode[self.mode.value],
+            cycle_ms=self.cycle_ms,
+            unix_epoch_ns=unix_epoch_ns,
+            fri=None if self.fri is None or fri_peer is None else self.fri.settings(fri_peer),
+        )
+
+    @model_validator(mode="after")
+    def _pairings(self) -> Self:
+        self.settings(unix_epoch_ns=0, fri_peer=Address("127.0.0.1", CLIENT_PORT))
+        return self
+
+
+class Station(_Model):
+    """A station: one or more robots, and what the process as a whole does."""
+
+    realtime: Annotated[bool, Field(description="ask for SCHED_FIFO, locked memory and a CPU")] = False
+    capture: Annotated[Path | None, Field(description="pcapng file to record all packets to")] = None
+    robot: Annotated[list[RobotConfig], Field(min_length=1, max_length=16, description="the robots")]
+
+    @model_validator(mode="after")
+    def _names_differ(self) -> Self:
+        names = [robot.name for robot in self.robot]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ConfigurationError(f"two robots have the name {twice[0]!r}; each needs its own")
+        return self
+
+
+def load_station(path: Path) -> Station:
+    """Return the station in ``path``; raise :class:`ConfigurationError` in one sentence that names file and key."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"cannot read station file {path}: {error}") from error
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"station file {path} is no TOML: {error}") from error
+    return parse_station(content, where=str(path))
+
+
+def parse_station(content: dict[str, Any], *, where: str) -> Station:
+    """Return the station that ``content`` describes; raise :class:`ConfigurationError` that begins with ``where``."""
+    try:
+        return Station.model_validate(content)
+    except ValidationError as error:
+        raise ConfigurationError(f"{where}: {_first_problems(error)}") from None
+
+
+def _first_problems(error: ValidationError, most: int = 3) -> str:
+    problems = error.errors(include_url=False)
+    told = [f"{_place(problem['loc'])}{_message(problem)}" for problem in problems[:most]]
+    if len(problems) > most:
+        told.append(f"and {len(problems) - most} more")
+    return "; ".join(told)
+
+
+def _place(location: tuple[int | str, ...]) -> str:
+    place = "".join(f"[{part + 1}]" if isinstance(part, int) else f".{part}" for part in location).lstrip(".")
+    return f"{place}: " if place else ""
+
+
+def _message(problem: Any) -> str:  # pydantic's error dictionary has no public type
+    message = str(problem["msg"]).removeprefix("Value error, ")
+    if problem["type"] in {"value_error", "missing", "extra_forbidden"}:
+        return message
+    return f"{message}, got {problem['input']!r}"

@@ -1,0 +1,27 @@
+"""The commented station file that ``hil config init`` writes; a test loads it and compares it with the defaults."""
+
+TEMPLATE = """\
+# Station file of fri-hil. Every value below is the default; delete what you do not need.
+# Check it with: hil config check FILE      All keys: hil config schema
+
+realtime = false              # ask for SCHED_FIFO, locked memory and a CPU
+# capture = "run.pcapng"      # record all packets
+
+[[robot]]                     # repeat this section for more robots
+name = "arm"
+model = "lbr-iiwa-14-r820"    # lbr-iiwa-7-r800, lbr-iiwa-14-r820, lbr-med-7, lbr-med-14
+backend = "mujoco"            # mujoco, ideal
+mode = "AUT"                  # T1, T2, AUT
+cycle_ms = 1                  # 1, 2, 4, 5
+overrun = "skip"              # skip, catch-up, fault: what happens to missed cycles
+seed = 0                      # of the simulated sensor noise
+
+[robot.fri]                   # leave this section out for a robot without FRI
+client = "127.0.0.1:30200"    # where your FRI client listens
+# bind = "127.0.0.2:30200"    # where it is served from; default: any free port for a client on this machine
+release = "1.15"              # release of the client's library: 1.11, 1.14, 1.15, 1.16, 2.5, 2.7
+send_period_ms = 1            # 1..100, a multiple of cycle_ms
+receive_multiplier = 1        # send_period_ms x receive_multiplier: at most 100 ms
+overlay = "joint-position"    # none, joint-position
+# watchdog_ms = 50            # silence that ends a commanded motion
+"""

@@ -1,0 +1,193 @@
+"""The controller of one robot: five verbs, one cycle.
+
+``receive(datagram, source, now_ns)``, ``tick(now_ns)``, ``outgoing()``, ``events()``, ``close(now_ns)``. Live process,
+tests, replay and benchmarks use the same five. Times are integer nanoseconds on the core's own axis, which starts at 0.
+"""
+
+from collections import deque
+from collections.abc import Callable
+
+from hil.core.events import ArmResting, ArmStopped, Event
+from hil.core.fri.link import FriLink
+from hil.core.fri.messages import MessageBuilder
+from hil.core.model import ArmModel
+from hil.core.motion.executive import MotionExecutive
+from hil.core.safety.monitors import Monitors
+from hil.core.settings import ControllerSettings
+from hil.values.arm import Backend, JointCommand
+from hil.values.errors import ConfigurationError
+from hil.values.fri import ControllerCodec, SafetyState
+from hil.values.link import Outgoing, Source
+from hil.values.robot import RobotDescription
+
+FRI_LINK = "fri"
+MAX_EVENTS = 10_000
+MAX_STOPS = 1000
+
+
+class Controller:
+    """One robot. The backend is open before and closed after; ``on_stage`` is told the end of each stage of a tick."""
+
+    def __init__(
+        self,
+        settings: ControllerSettings,
+        *,
+        description: RobotDescription,
+        model: ArmModel,
+        backend: Backend,
+        codec: ControllerCodec | None = None,
+        on_stage: Callable[[str], None] | None = None,
+    ) -> None:
+        self._settings = settings
+        self._backend = backend
+        self._on_stage = on_stage
+        self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
+        self._outgoing: list[Outgoing] = []
+        self._arm = backend.read()
+        self._motion = MotionExecutive(
+            self._arm.position_rad, limits=description.limits, cycle_s=settings.cycle_ns * 1e-9
+        )
+        self._monitors = Monitors(limits=description.limits, model=model, operation_mode=settings.operation_mode)
+        self._fri: FriLink | None = None
+        if settings.fri is not None:
+            if codec is None:
+                raise ConfigurationError("an FRI link needs the codec of its release")
+            self._fri = FriLink(
+                settings=settings.fri,
+                cycle_ms=settings.cycle_ms,
+                codec=codec,
+                messages=MessageBuilder(release=codec.release, settings=settings, fri=settings.fri, model=model),
+                motion=self._motion,
+                limits=description.limits,
+                emit=self._events.append,
+                stop=self._stop,
+            )
+        self._closing = False
+        self._proposed = self._motion.set_point
+        self._stages: tuple[tuple[str, Callable[[int, int], None]], ...] = (
+            ("read", self._read),
+            ("session", self._progress),
+            ("interpolate", self._interpolate),
+            ("safety on the set point", self._check_set_point),
+            ("backend", self._move),
+            ("safety on the measured state", self._check_measured),
+            ("encode", self._send),
+        )
+        self.initial_position_rad = self._arm.position_rad
+        self.ticks = 0
+        self.stops: deque[ArmStopped] = deque(maxlen=MAX_STOPS)
+        self.closed = False
+
+    def receive(self, datagram: bytes, source: Source, *, now_ns: int) -> None:
+        """Take one datagram that arrived at ``now_ns``; nothing a peer sends raises."""
+        if source.link == FRI_LINK and self._fri is not None:
+            self._fri.receive(datagram, source.address, now_ns=now_ns)
+
+    def tick(self, *, now_ns: int, lateness_ns: int = 0) -> None:
+        """Run one control cycle. ``now_ns`` is its nominal time, ``lateness_ns`` how late it really began.
+
+        Raises :class:`hil.values.errors.BackendError` when the robot side fails.
+        """
+        if self.closed:
+            return
+        self.ticks += 1
+        started_ns = now_ns + lateness_ns
+        on_stage = self._on_stage
+        for name, stage in self._stages:
+            stage(now_ns, started_ns)
+            if on_stage is not None:
+                on_stage(name)
+
+    def outgoing(self) -> list[Outgoing]:
+        """Return and forget the datagrams to send."""
+        datagrams, self._outgoing = self._outgoing, []
+        return datagrams
+
+    def events(self) -> list[Event]:
+        """Return and forget what happened."""
+        happened = list(self._events)
+        self._events.clear()
+        return happened
+
+    def close(self, *, now_ns: int) -> None:
+        """Bring the arm to rest and end every session; ticks are needed until ``closed`` unless the arm rests."""
+        if self.closed or self._closing:
+            return
+        self._closing = True
+        self._stop("the controller shuts down", now_ns)
+        if self._motion.at_rest:
+            self._finish(now_ns)
+
+    def report(self) -> dict[str, object]:
+        """Return what the core knows of the run, for the status file; rad, mm/s, microseconds, seconds."""
+        fri = self._fri
+        return {
+            "ticks": self.ticks,
+            "answer_latency_us": fri.answer_latency.summary_us() if fri is not None else None,
+            "session": fri.log.report(fri.quality) if fri is not None else None,
+            "packets": fri.counters.report() if fri is not None else None,
+            "stops": [
+                {"at_s": round(stop.at_ns / 1e9, 6), "category": stop.category.name, "reason": stop.reason}
+                for stop in self.stops
+            ],
+            "initial_position": list(self.initial_position_rad),
+            "measured_position": list(self._arm.position_rad),
+            "commanded_position": list(self._motion.set_point.position_rad),
+            "max_flange_speed_mm_s": self._monitors.max_flange_speed_mm_s,
+        }
+
+    @property
+    def fri(self) -> FriLink | None:
+        """The FRI link, to be looked at."""
+        return self._fri
+
+    def _read(self, _now_ns: int, _started_ns: int) -> None:
+        self._arm = self._backend.read()
+
+    def _progress(self, now_ns: int, started_ns: int) -> None:
+        if self._fri is not None:
+            self._fri.progress(now_ns=now_ns, started_ns=started_ns, allow_overlay=not self._closing)
+
+    def _interpolate(self, _now_ns: int, _started_ns: int) -> None:
+        self._proposed = self._motion.propose()
+
+    def _check_set_point(self, now_ns: int, _started_ns: int) -> None:
+        reason = self._monitors.set_point(self._proposed)
+        if reason is not None and self._stop(reason, now_ns):
+            self._proposed = self._motion.propose()
+
+    def _move(self, now_ns: int, _started_ns: int) -> None:
+        proposed = self._proposed
+        self._backend.write(JointCommand(proposed.position_rad, proposed.velocity_rad_s))
+        self._backend.step()
+        if self._motion.commit(proposed):
+            self._events.append(ArmResting(now_ns))
+
+    def _check_measured(self, now_ns: int, _started_ns: int) -> None:
+        reason = self._monitors.measured(self._arm)
+        if reason is not None:
+            self._stop(reason, now_ns)
+
+    def _send(self, now_ns: int, started_ns: int) -> None:
+        if self._closing and self._motion.at_rest:
+            self._finish(now_ns)
+        elif self._fri is not None:
+            message = self._fri.message(self._arm, now_ns=now_ns, started_ns=started_ns)
+            if message is not None:
+                self._outgoing.append(Outgoing(FRI_LINK, message))
+
+    def _stop(self, reason: str, now_ns: int) -> bool:
+        """End the motion for ``reason``; return whether the arm began to brake with it."""
+        braking = self._motion.brake()
+        if braking:
+            stop = ArmStopped(now_ns, SafetyState.NORMAL_OPERATION, reason)
+            self.stops.append(stop)
+            self._events.append(stop)
+        if self._fri is not None:
+            self._fri.end_motion(reason, now_ns=now_ns)
+        return braking
+
+    def _finish(self, now_ns: int) -> None:
+        if self._fri is not None and (last := self._fri.close(self._arm, now_ns=now_ns)) is not None:
+            self._outgoing.append(Outgoing(FRI_LINK, last))
+        self.closed = True

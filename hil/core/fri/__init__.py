@@ -1,0 +1,1 @@
+"""The FRI link: session, quality, admission, messages."""

@@ -1,0 +1,78 @@
+"""What a decoded command must satisfy before the interpolator sees it: finite, right shape, allowed, within limits."""
+
+import math
+from typing import NamedTuple
+
+from hil.values.fri import CommandData
+from hil.values.outcomes import Outcome
+from hil.values.robot import JOINT_COUNT, JOINT_NAMES, JointLimits, Seven
+
+VELOCITY_TOLERANCE = 1e-6
+"""Relative; a client that clamps its steps to the axis velocity must not fail on rounding."""
+
+
+class Refusal(NamedTuple):
+    """Why a command is not taken: the counter, and words with axis, value and limit."""
+
+    outcome: Outcome
+    detail: str
+
+
+def joint_position(data: CommandData | None) -> tuple[Seven, None] | tuple[None, Refusal]:
+    """Return the commanded joint position of a command for a joint position overlay, or why there is none."""
+    if data is None or data.position is None:
+        return None, Refusal(Outcome.SHAPE, "the command has no joint position")
+    if not_taken := _not_taken(data):
+        return None, Refusal(
+            Outcome.NOT_ALLOWED, f"the command carries {not_taken}; the running overlay takes joint positions"
+        )
+    position = data.position
+    if len(position) != JOINT_COUNT:
+        return None, Refusal(Outcome.SHAPE, f"{len(position)} joint positions, {JOINT_COUNT} are needed")
+    if not all(map(math.isfinite, position)):
+        axis = next(index for index, value in enumerate(position) if not math.isfinite(value))
+        return None, Refusal(Outcome.NOT_FINITE, f"{JOINT_NAMES[axis]} is {position[axis]}")
+    return position, None  # type: ignore[return-value]  # seven values, checked above
+
+
+def _not_taken(data: CommandData) -> str | None:
+    if data.torque is not None:
+        return "torques"
+    if data.wrench is not None:
+        return "a wrench"
+    if data.pose is not None:
+        return "a Cartesian pose"
+    return None
+
+
+def within_limits(target: Seven, previous: Seven, *, elapsed_s: float, limits: JointLimits) -> Refusal | None:
+    """Return why ``target`` is out of bounds, or None.
+
+    ``previous`` is the last accepted position and ``elapsed_s`` the time the client had for the step. A target is out
+    of bounds outside the axis range, when the step is faster than the axis may move, and when the arm, moving that
+    fast, could not stop before the end of the axis range with its rated deceleration.
+    """
+    for axis in range(JOINT_COUNT):
+        low, high = limits.position_min_rad[axis], limits.position_max_rad[axis]
+        value = target[axis]
+        if not low <= value <= high:
+            return Refusal(
+                Outcome.AXIS_LIMIT, f"{JOINT_NAMES[axis]} to {value:.4f} rad, its range is {low:.4f}..{high:.4f} rad"
+            )
+        speed = (value - previous[axis]) / elapsed_s
+        if speed == 0.0:
+            continue
+        if abs(speed) > limits.velocity_rad_s[axis] * (1 + VELOCITY_TOLERANCE):
+            return Refusal(
+                Outcome.AXIS_VELOCITY,
+                f"{JOINT_NAMES[axis]} steps {value - previous[axis]:+.4f} rad in {elapsed_s * 1e3:g} ms, "
+                f"{abs(speed):.3f} rad/s; its limit is {limits.velocity_rad_s[axis]:.3f} rad/s",
+            )
+        room = high - value if speed > 0 else value - low
+        if speed * speed > 2 * limits.acceleration_rad_s2[axis] * room:
+            return Refusal(
+                Outcome.AXIS_LIMIT,
+                f"{JOINT_NAMES[axis]} at {value:.4f} rad moves {speed:+.3f} rad/s and could not stop "
+                f"before {high if speed > 0 else low:.4f} rad",
+            )
+    return None

@@ -1,0 +1,64 @@
+"""Which answers are due: one for every ``receive_multiplier`` messages, whichever of them the client picks."""
+
+from collections import deque
+from typing import NamedTuple
+
+from hil.core.fri.quality import QualityMeter
+from hil.core.fri.sequence import counter_distance
+
+
+class _Window(NamedTuple):
+    first_counter: int
+    last_sent_ns: int
+
+
+class ExpectedAnswers:
+    """Feeds the quality meter: a window of messages is answered in time once, or missed when its budget is over."""
+
+    def __init__(self, *, receive_multiplier: int, budget_ns: int, meter: QualityMeter) -> None:
+        self._multiplier = receive_multiplier
+        self._budget_ns = budget_ns
+        self._meter = meter
+        self._pending: deque[_Window] = deque()
+        self._first_counter: int | None = None
+        self._open_count = 0
+        self._open_answered = False
+
+    def sent(self, counter: int, *, at_ns: int) -> None:
+        """A message went out."""
+        if self._open_count == 0:
+            self._first_counter = counter
+            self._open_answered = False
+        self._open_count += 1
+        if self._open_count == self._multiplier:
+            self._open_count = 0
+            if not self._open_answered and self._first_counter is not None:
+                self._pending.append(_Window(self._first_counter, at_ns))
+
+    def answered(self, reflected: int, *, age_ns: int, now_ns: int) -> None:
+        """A fresh answer came; only one within the budget counts for its window, and only the first."""
+        if age_ns > self._budget_ns:
+            return
+        if self._in_open_window(reflected):
+            if not self._open_answered:
+                self._open_answered = True
+                self._meter.answered(now_ns=now_ns, latency_ns=age_ns)
+            return
+        for window in self._pending:
+            if counter_distance(window.first_counter, reflected) < self._multiplier:
+                self._pending.remove(window)
+                self._meter.answered(now_ns=now_ns, latency_ns=age_ns)
+                return
+
+    def expire(self, *, now_ns: int) -> None:
+        """Count the windows whose time is over as missed."""
+        while self._pending and now_ns - self._pending[0].last_sent_ns >= self._budget_ns:
+            self._pending.popleft()
+            self._meter.missed(now_ns=now_ns)
+
+    def _in_open_window(self, reflected: int) -> bool:
+        return (
+            self._open_count > 0
+            and self._first_counter is not None
+            and counter_distance(self._first_counter, reflected) < self._multiplier
+        )

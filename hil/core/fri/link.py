@@ -1,0 +1,308 @@
+"""The FRI link of one robot: session, quality, admission and the overlay's commander, put together.
+
+Bytes and times in (:meth:`FriLink.receive`), decisions once a cycle (:meth:`FriLink.progress`), bytes out
+(:meth:`FriLink.message`). It moves nothing but the :class:`MotionExecutive` it is given.
+"""
+
+from collections.abc import Callable
+
+from hil.core.events import ClientRestarted, Event, QualityChanged
+from hil.core.fri.admission import Admission, Admitted, Dropped
+from hil.core.fri.commands import Refusal, joint_position, within_limits
+from hil.core.fri.counters import PacketCounters
+from hil.core.fri.expected import ExpectedAnswers
+from hil.core.fri.log import SessionLog
+from hil.core.fri.messages import MessageBuilder
+from hil.core.fri.quality import QualityMeter
+from hil.core.fri.sequence import SequenceTracker, counter_distance
+from hil.core.fri.session import Trigger, next_state
+from hil.core.motion.executive import MotionExecutive, Phase
+from hil.core.settings import NS_PER_MS, FriSettings
+from hil.core.statistics import Histogram
+from hil.values.arm import ArmState
+from hil.values.fri import CommandMessage, ControllerCodec, Quality, SessionState
+from hil.values.link import Address
+from hil.values.outcomes import Outcome
+from hil.values.robot import JOINT_NAMES, JointLimits, Seven
+
+
+class FriLink:
+    """One client. ``emit`` takes events; ``stop`` makes the arm brake for a reason."""
+
+    def __init__(
+        self,
+        *,
+        settings: FriSettings,
+        cycle_ms: int,
+        codec: ControllerCodec,
+        messages: MessageBuilder,
+        motion: MotionExecutive,
+        limits: JointLimits,
+        emit: Callable[[Event], None],
+        stop: Callable[[str, int], bool],
+    ) -> None:
+        self._settings = settings
+        self._codec = codec
+        self._messages = messages
+        self._motion = motion
+        self._limits = limits
+        self._emit = emit
+        self._stop = stop
+        self._cycles_per_message = settings.send_period_ms // cycle_ms
+        self._cycles_per_target = settings.budget_ms // cycle_ms
+        self._cycles_until_message = 0
+        self._budget_ns = settings.budget_ns
+        self._tracker = SequenceTracker()
+        self._meter = QualityMeter(budget_ns=self._budget_ns)
+        self._expected = ExpectedAnswers(
+            receive_multiplier=settings.receive_multiplier, budget_ns=self._budget_ns, meter=self._meter
+        )
+        self._admission = Admission(peer=settings.peer, codec=codec, tracker=self._tracker, budget_ns=self._budget_ns)
+        self._known_quality = Quality.POOR
+        self._mirrored = 0
+        self._mirror_problem = "the client has not answered yet"
+        self._accepted_position: Seven | None = None
+        self._accepted_counter = 0
+        self._overlay_not_before_ns = 0
+        self._overlay_ended_because = ""
+        self.counters = PacketCounters()
+        self.answer_latency = Histogram()
+        self.log = SessionLog(emit=emit)
+
+    @property
+    def state(self) -> SessionState:
+        """Session state."""
+        return self.log.state
+
+    @property
+    def quality(self) -> Quality:
+        """Connection quality."""
+        return self._meter.quality
+
+    @property
+    def commanding(self) -> bool:
+        """True in COMMANDING_WAIT and COMMANDING_ACTIVE."""
+        return self.log.state >= SessionState.COMMANDING_WAIT
+
+    def receive(self, datagram: bytes, sender: Address, *, now_ns: int) -> None:
+        """Take one datagram from the link's socket; never raises for what a peer sends."""
+        self.counters.received += 1
+        admitted = self._admission.admit(datagram, sender, now_ns=now_ns)
+        if isinstance(admitted, Dropped):
+            self._drop(admitted.outcome, admitted.detail, now_ns)
+            return
+        message = admitted.message
+        self._expected.answered(message.reflected_sequence_counter, age_ns=admitted.age_ns, now_ns=now_ns)
+        self.answer_latency.add(admitted.age_ns)
+        self._note_restart(admitted, now_ns)
+        if admitted.outcome is not Outcome.ACCEPTED:
+            self._drop(admitted.outcome, admitted.detail, now_ns)
+            return
+        refusal = self._take(message, now_ns)
+        if refusal is None:
+            self.counters.accepted()
+        else:
+            self._drop(refusal.outcome, refusal.detail, now_ns)
+
+    def progress(self, *, now_ns: int, started_ns: int, allow_overlay: bool) -> None:
+        """Once a cycle: judge what is overdue and move the session. ``started_ns`` is when the cycle really began."""
+        self._expected.expire(now_ns=started_ns)
+        state = self.log.state
+        if state is SessionState.IDLE:
+            if allow_overlay:
+                self._go(Trigger.SESSION_OPENED, "the robot application opens the session", now_ns)
+            return
+        self._note_quality(now_ns)
+        if self.commanding:
+            self._guard_commanding(now_ns)
+        elif state is SessionState.MONITORING_WAIT:
+            self._try_ready(now_ns)
+        else:
+            self._try_overlay(now_ns, allow_overlay=allow_overlay)
+
+    def end_motion(self, reason: str, *, now_ns: int) -> None:
+        """The motion under the overlay ends: back to monitoring. The caller makes the arm brake."""
+        if self.commanding:
+            trigger = Trigger.MOTION_ENDED if self.quality >= Quality.GOOD else Trigger.QUALITY_LOST
+            self._go(trigger, reason, now_ns)
+            self._overlay_ended_because = reason
+            self._overlay_not_before_ns = now_ns + self._settings.overlay_restart_ms * NS_PER_MS
+
+    def message(self, arm: ArmState, *, now_ns: int, started_ns: int) -> bytes | None:
+        """Return the monitoring message of this cycle, or None when none is due."""
+        if self._cycles_until_message:
+            self._cycles_until_message -= 1
+            return None
+        if self.log.state is SessionState.IDLE:
+            return None
+        self._cycles_until_message = self._cycles_per_message - 1
+        return self._encode(arm, now_ns=now_ns, sent_ns=started_ns)
+
+    def close(self, arm: ArmState, *, now_ns: int) -> bytes | None:
+        """Close the session and return its last message, which says IDLE; None if it was not open."""
+        if self.log.state is SessionState.IDLE:
+            return None
+        self._go(Trigger.SESSION_CLOSED, "the robot application closes the session", now_ns)
+        return self._encode(arm, now_ns=now_ns, sent_ns=now_ns)
+
+    def _encode(self, arm: ArmState, *, now_ns: int, sent_ns: int) -> bytes:
+        counter = self._tracker.sent(at_ns=sent_ns)
+        self._expected.sent(counter, at_ns=sent_ns)
+        self.counters.sent += 1
+        return self._codec.encode_monitoring(
+            self._messages.build(
+                sequence_counter=counter,
+                reflected_sequence_counter=self._tracker.client_counter or 0,
+                state=self.log.state,
+                quality=self._meter.quality,
+                arm=arm,
+                set_point=self._motion.set_point,
+                hold_position_rad=self._motion.hold_position_rad,
+                tracking_performance=self._motion.tracking_performance,
+                now_ns=now_ns,
+            )
+        )
+
+    def _take(self, message: CommandMessage, now_ns: int) -> Refusal | None:
+        """Do with the command what the state asks for; return why it is ignored, or None."""
+        match self.log.state:
+            case SessionState.COMMANDING_ACTIVE:
+                return self._command(message, now_ns)
+            case SessionState.COMMANDING_WAIT:
+                return self._mirror(message, now_ns)
+            case _:
+                return self._monitor(message)
+
+    def _monitor(self, message: CommandMessage) -> Refusal | None:
+        if message.command is None or message.command.position is None:
+            return None
+        position, refusal = joint_position(message.command)
+        if position is None:
+            return refusal
+        return within_limits(position, position, elapsed_s=1.0, limits=self._limits)
+
+    def _mirror(self, message: CommandMessage, now_ns: int) -> Refusal | None:
+        position, refusal = joint_position(message.command)
+        if position is None:
+            self._mirrored = 0
+            self._mirror_problem = refusal.detail if refusal is not None else ""
+            return refusal
+        off = [abs(there - here) for there, here in zip(position, self._motion.hold_position_rad, strict=True)]
+        worst = max(range(len(off)), key=off.__getitem__)
+        if off[worst] > self._settings.mirror_tolerance_rad:
+            self._mirrored = 0
+            self._mirror_problem = (
+                f"{JOINT_NAMES[worst]} of the answers is {off[worst]:.4f} rad off the interpolator position; "
+                f"{self._settings.mirror_tolerance_rad:g} rad are allowed"
+            )
+            return None
+        self._mirrored += 1
+        self._accepted_position = position
+        self._accepted_counter = message.reflected_sequence_counter
+        if self._mirrored >= self._settings.mirror_answers:
+            self._start_commanding(now_ns)
+        return None
+
+    def _start_commanding(self, now_ns: int) -> None:
+        self._accepted_position = self._motion.hold_position_rad
+        self._motion.start_overlay(cycles_per_target=self._cycles_per_target)
+        self._go(Trigger.CLIENT_MIRRORS, f"{self._mirrored} answers in a row mirrored the interpolator", now_ns)
+
+    def _command(self, message: CommandMessage, now_ns: int) -> Refusal | None:
+        if message.command is None or message.command.position is None:
+            return Refusal(Outcome.SHAPE, "the command has no joint position; the arm stays on the last one")
+        position, refusal = joint_position(message.command)
+        if position is not None and self._accepted_position is not None:
+            periods = counter_distance(self._accepted_counter, message.reflected_sequence_counter)
+            refusal = within_limits(
+                position,
+                self._accepted_position,
+                elapsed_s=periods * self._settings.send_period_ms * 1e-3,
+                limits=self._limits,
+            )
+            if refusal is None:
+                self._accepted_position = position
+                self._accepted_counter = message.reflected_sequence_counter
+                self._motion.retarget(position)
+                return None
+        if refusal is not None:
+            self._stop(f"command out of bounds ({refusal.outcome.value}): {refusal.detail}", now_ns)
+        return refusal
+
+    def _guard_commanding(self, now_ns: int) -> None:
+        silent_ns = self._meter.missed_in_a_row * self._budget_ns
+        if silent_ns >= self._settings.watchdog_ns:
+            self._stop(
+                f"client lost: {self._meter.missed_in_a_row} answers in a row are missing, "
+                f"{silent_ns / 1e6:g} ms of silence, the watchdog allows {self._settings.watchdog_ns / 1e6:g} ms",
+                now_ns,
+            )
+        elif self.quality < Quality.GOOD:
+            self._stop(f"quality {self.quality.name} is not enough: {self._meter.describe()}", now_ns)
+        elif self.log.state is SessionState.COMMANDING_WAIT and self._mirror_problem:
+            self.log.refuse(
+                SessionState.COMMANDING_ACTIVE, self._mirror_problem, key=self._mirror_problem, now_ns=now_ns
+            )
+
+    def _try_ready(self, now_ns: int) -> None:
+        if self.quality >= Quality.GOOD:
+            self._go(Trigger.QUALITY_REACHED, self._meter.describe(), now_ns)
+        elif self._meter.ever_answered:
+            self.log.refuse(
+                SessionState.MONITORING_READY,
+                f"quality is {self.quality.name}, GOOD is needed: {self._meter.describe()}",
+                key=f"quality {self.quality.name}",
+                now_ns=now_ns,
+            )
+        else:
+            self.log.refuse(
+                SessionState.MONITORING_READY,
+                f"no answer from {self._settings.peer} yet: does a client of release {self._codec.release} "
+                f"run there and listen on that port?",
+                key="never answered",
+                now_ns=now_ns,
+            )
+
+    def _try_overlay(self, now_ns: int, *, allow_overlay: bool) -> None:
+        if self.quality < Quality.GOOD:
+            self._go(Trigger.QUALITY_LOST, f"quality {self.quality.name}: {self._meter.describe()}", now_ns)
+            return
+        if refusal := self._no_overlay_because(now_ns, allow_overlay=allow_overlay):
+            self.log.refuse(SessionState.COMMANDING_WAIT, refusal, key=refusal, now_ns=now_ns)
+            return
+        self._mirrored = 0
+        self._mirror_problem = ""
+        self._go(Trigger.OVERLAY_STARTED, "the robot application starts a position hold with a joint overlay", now_ns)
+
+    def _no_overlay_because(self, now_ns: int, *, allow_overlay: bool) -> str:
+        if not allow_overlay:
+            return "the controller is shutting down"
+        if not self._settings.joint_position_overlay:
+            return "the robot application runs no motion with an overlay (start it with --overlay joint-position)"
+        if self._motion.phase is not Phase.HOLDING:
+            return f"the arm still brakes ({self._overlay_ended_because})"
+        if now_ns < self._overlay_not_before_ns:
+            return f"the overlay rests after its end ({self._overlay_ended_because})"
+        return ""
+
+    def _note_quality(self, now_ns: int) -> None:
+        quality = self._meter.quality
+        if quality is not self._known_quality:
+            old, self._known_quality = self._known_quality, quality
+            self._emit(QualityChanged(now_ns, old, quality, self._meter.describe()))
+
+    def _note_restart(self, admitted: Admitted, now_ns: int) -> None:
+        before = admitted.client_restarted_from
+        if before is None:
+            return
+        self._emit(ClientRestarted(now_ns, before, admitted.message.sequence_counter))
+        if self.commanding:
+            self._stop("the client restarted while it was commanding", now_ns)
+
+    def _drop(self, outcome: Outcome, detail: str, now_ns: int) -> None:
+        event = self.counters.dropped(outcome, detail, now_ns=now_ns)
+        if event is not None:
+            self._emit(event)
+
+    def _go(self, trigger: Trigger, reason: str, now_ns: int) -> None:
+        self.log.enter(next_state(self.log.state, trigger), self.quality, reason, now_ns=now_ns)

@@ -1,0 +1,102 @@
+"""Connection quality from what the answers really did.
+
+Rule (ours, fri-wire page): over a sliding second of expected answers, share answered within the latency budget at
+least 99 % and 95th percentile of the answer latency below half the budget: EXCELLENT; at least 95 %: GOOD; at least
+75 %: FAIR; else POOR. It falls at once, and rises one level at a time after half a second at the better figure.
+"""
+
+from collections import deque
+from typing import NamedTuple
+
+from hil.values.fri import Quality
+
+WINDOW_NS = 1_000_000_000
+RISE_NS = 500_000_000
+
+
+class _Expected(NamedTuple):
+    at_ns: int
+    answered: bool
+    fast: bool
+
+
+class QualityMeter:
+    """Judges expected answers one by one; time is an argument, memory is bounded by the window."""
+
+    def __init__(self, *, budget_ns: int) -> None:
+        self._budget_ns = budget_ns
+        self._window: deque[_Expected] = deque()
+        self._answered = 0
+        self._fast = 0
+        self._better_since_ns: int | None = None
+        self.quality = Quality.POOR
+        self.missed_in_a_row = 0
+        self.ever_answered = False
+
+    def answered(self, *, now_ns: int, latency_ns: int) -> None:
+        """An expected answer came in time."""
+        self.missed_in_a_row = 0
+        self.ever_answered = True
+        self._judge(_Expected(now_ns, answered=True, fast=2 * latency_ns < self._budget_ns))
+
+    def missed(self, *, now_ns: int) -> None:
+        """An expected answer did not come within its budget."""
+        self.missed_in_a_row += 1
+        self._judge(_Expected(now_ns, answered=False, fast=False))
+
+    @property
+    def expected_count(self) -> int:
+        """Expected answers in the window."""
+        return len(self._window)
+
+    @property
+    def answered_count(self) -> int:
+        """Answers in time in the window."""
+        return self._answered
+
+    def describe(self) -> str:
+        """Return the figure in words."""
+        if not self._window:
+            return "no answer was due yet"
+        text = f"{self._answered} of {len(self._window)} answers of the last second came within {self._budget_text()}"
+        if self._answered == len(self._window) and not self._fast_enough():
+            text += f", more than 5 % of them later than {self._budget_ns / 2e6:g} ms"
+        return text
+
+    def _budget_text(self) -> str:
+        return f"the budget of {self._budget_ns / 1e6:g} ms"
+
+    def _judge(self, expected: _Expected) -> None:
+        self._window.append(expected)
+        self._answered += expected.answered
+        self._fast += expected.fast
+        horizon_ns = expected.at_ns - WINDOW_NS
+        while self._window[0].at_ns <= horizon_ns:
+            old = self._window.popleft()
+            self._answered -= old.answered
+            self._fast -= old.fast
+        self._settle(self._figure(), expected.at_ns)
+
+    def _figure(self) -> Quality:
+        expected, answered = len(self._window), self._answered
+        if answered * 100 >= 99 * expected and self._fast_enough():
+            return Quality.EXCELLENT
+        if answered * 100 >= 95 * expected:
+            return Quality.GOOD
+        if answered * 100 >= 75 * expected:
+            return Quality.FAIR
+        return Quality.POOR
+
+    def _fast_enough(self) -> bool:
+        """95th percentile (nearest rank) of the latencies below half the budget."""
+        return self._fast * 100 >= 95 * self._answered and self._fast > 0
+
+    def _settle(self, figure: Quality, now_ns: int) -> None:
+        if figure <= self.quality:
+            self.quality = figure
+            self._better_since_ns = None
+        elif self._better_since_ns is None:
+            self._better_since_ns = now_ns
+        elif now_ns - self._better_since_ns >= RISE_NS:
+            self.quality = Quality(self.quality + 1)
+            self._better_since_ns = now_ns if figure > self.quality else None

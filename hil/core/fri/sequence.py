@@ -1,0 +1,86 @@
+"""Which sent messages wait for an answer, and what an answer's counters say of it.
+
+A message is known by its sequence counter, which the client reflects. That is the order that counts: an answer is
+fresh when it reflects a message later than the one answered last. The client's own counter only tells a restart.
+Counters wrap at 2^32.
+"""
+
+from collections import deque
+from typing import NamedTuple
+
+from hil.values.fri import SEQUENCE_MODULUS
+from hil.values.outcomes import Outcome
+
+REMEMBERED = 256
+"""Messages whose send time is remembered: at least 256 ms of them, more than any budget."""
+
+
+class Verdict(NamedTuple):
+    """What the counters say: ``outcome`` ACCEPTED with the age, or a drop with its words."""
+
+    outcome: Outcome
+    age_ns: int
+    detail: str
+
+
+class Sent(NamedTuple):
+    """A message that was sent."""
+
+    counter: int
+    at_ns: int
+
+
+class SequenceTracker:
+    """Book of the last :data:`REMEMBERED` sent messages."""
+
+    def __init__(self, *, first_counter: int = 0) -> None:
+        self.next_counter = first_counter % SEQUENCE_MODULUS
+        self.client_counter: int | None = None
+        self.last_answered: int | None = None
+        self._sent: deque[Sent] = deque(maxlen=REMEMBERED)
+        self._answered: deque[int] = deque(maxlen=REMEMBERED)
+
+    def sent(self, *, at_ns: int) -> int:
+        """Book the next message as sent and return its counter."""
+        counter = self.next_counter
+        self._sent.append(Sent(counter, at_ns))
+        self.next_counter = (counter + 1) % SEQUENCE_MODULUS
+        return counter
+
+    def judge(self, reflected: int, *, now_ns: int) -> Verdict:
+        """Say what an answer that reflects ``reflected`` is; changes nothing."""
+        distance = (self.next_counter - 1 - reflected) % SEQUENCE_MODULUS
+        if not self._sent or distance >= SEQUENCE_MODULUS // 2:
+            return Verdict(Outcome.UNSENT_SEQUENCE, 0, f"reflects message {reflected}, which was never sent")
+        last = self.last_answered
+        if last is not None and not _is_before(last, reflected):
+            return self._overtaken(reflected, last)
+        if distance >= len(self._sent):
+            return Verdict(
+                Outcome.REPLAYED, 0, f"reflects message {reflected}, older than the last {len(self._sent)} messages"
+            )
+        return Verdict(Outcome.ACCEPTED, now_ns - self._sent[-1 - distance].at_ns, "")
+
+    def _overtaken(self, reflected: int, last: int) -> Verdict:
+        if reflected == last:
+            return Verdict(Outcome.DUPLICATE, 0, f"message {reflected} was answered just before")
+        if reflected in self._answered or counter_distance(reflected, last) >= REMEMBERED:
+            return Verdict(Outcome.REPLAYED, 0, f"message {reflected} was answered before, or is long gone")
+        return Verdict(Outcome.REORDERED, 0, f"reflects {reflected} after {last} was answered")
+
+    def answered(self, reflected: int, client_counter: int) -> bool:
+        """Book a fresh answer; return True when the client's own counter shows that it started anew."""
+        restarted = self.client_counter is not None and not _is_before(self.client_counter, client_counter)
+        self.client_counter = client_counter
+        self.last_answered = reflected
+        self._answered.append(reflected)
+        return restarted
+
+
+def counter_distance(earlier: int, later: int) -> int:
+    """Return how many steps ``later`` is after ``earlier``, modulo 2^32."""
+    return (later - earlier) % SEQUENCE_MODULUS
+
+
+def _is_before(first: int, second: int) -> bool:
+    return 0 < (second - first) % SEQUENCE_MODULUS < SEQUENCE_MODULUS // 2

@@ -1,0 +1,1 @@
+"""Motions: what the interpolator does. Each is ``interpolate() -> SetPoint`` once a control cycle."""

@@ -1,0 +1,71 @@
+"""Joint position overlay on a position hold: the client's positions, spread over the time between two of them."""
+
+from hil.core.motion.set_point import STILL, SetPoint
+from hil.values.robot import JOINT_COUNT, JointLimits, Seven
+
+
+class JointOverlay:
+    """Follows the client's targets in straight lines, one receive period each, never faster than the axes may move.
+
+    With a receive period of one cycle the set point is the target. With a longer one the set point reaches the target
+    exactly when the next is due, which costs one receive period of delay and no jump. A target that came late (the
+    one before was lost) is approached at the axis velocity at most, all axes slowed alike.
+    """
+
+    def __init__(self, start: SetPoint, *, limits: JointLimits, cycle_s: float, cycles_per_target: int) -> None:
+        self._position = start.position_rad
+        self._velocity = STILL
+        self._limits = limits
+        self._cycle_s = cycle_s
+        self._cycles_per_target = cycles_per_target
+        self._target = start.position_rad
+        self._cycles_left = 0
+        self.tracking_performance = 1.0
+
+    @property
+    def hold_position_rad(self) -> Seven:
+        """Where the set point ends if no further target comes."""
+        return self._target
+
+    @property
+    def at_rest(self) -> bool:
+        """True when the last target is reached."""
+        return self._cycles_left == 0
+
+    def retarget(self, target: Seven) -> None:
+        """Go to ``target`` (rad), from where the set point is now, within one receive period."""
+        self._target = target
+        self._cycles_left = self._cycles_per_target
+
+    def interpolate(self) -> SetPoint:
+        """Return the set point of the next cycle."""
+        if self._cycles_left == 0:
+            self._velocity = STILL
+            self.tracking_performance = 1.0
+            return SetPoint(self._position, STILL)
+        scale = 1.0 / self._cycles_left
+        step = [(goal - here) * scale for goal, here in zip(self._target, self._position, strict=True)]
+        slowed = self._slowdown(step)
+        self.tracking_performance = slowed
+        if slowed < 1.0:
+            step = [part * slowed for part in step]
+            self._position = tuple(here + part for here, part in zip(self._position, step, strict=True))  # type: ignore[assignment]
+            self._cycles_left = max(1, self._cycles_left - 1)
+        else:
+            self._cycles_left -= 1
+            self._position = (
+                self._target
+                if self._cycles_left == 0
+                else tuple(here + part for here, part in zip(self._position, step, strict=True))  # type: ignore[assignment]
+            )
+        self._velocity = tuple(part / self._cycle_s for part in step)  # type: ignore[assignment]
+        return SetPoint(self._position, self._velocity)
+
+    def _slowdown(self, step: list[float]) -> float:
+        """Return the factor, at most 1, that brings every axis to its velocity limit or below."""
+        worst = 1.0
+        for axis in range(JOINT_COUNT):
+            allowed = self._limits.velocity_rad_s[axis] * self._cycle_s
+            if abs(step[axis]) > allowed * worst:
+                worst = abs(step[axis]) / allowed
+        return 1.0 / worst

@@ -1,0 +1,1 @@
+"""Monitors between the interpolator and the arm."""

@@ -1,0 +1,64 @@
+"""Monitors on the set point before the backend sees it, and on the measured state after.
+
+Texts of the T1 monitors: manual, chapter 10.3. 250 mm/s: manual chapter 4, design page "Safety, each cycle". These are
+an emulator's monitors, not certified safety functions.
+"""
+
+import math
+
+from hil.core.model import ArmModel
+from hil.core.motion.set_point import SetPoint
+from hil.values.arm import ArmState
+from hil.values.fri import OperationMode
+from hil.values.robot import JOINT_COUNT, JOINT_NAMES, JointLimits
+
+T1_SPEED_LIMIT_MM_S = 250.0
+_RANGE_TOLERANCE_RAD = 1e-9
+_SPEED_TOLERANCE = 1e-6
+
+COMMAND_T1 = "cmd T1 illegal speed limit detected"
+MEASURED_T1 = "msr T1 illegal speed limit detected"
+
+
+class Monitors:
+    """Returns the reason for a stop in words, or None."""
+
+    def __init__(self, *, limits: JointLimits, model: ArmModel, operation_mode: OperationMode) -> None:
+        self._limits = limits
+        self._model = model
+        self._t1 = operation_mode is OperationMode.T1
+        self.flange_speed_mm_s = 0.0
+        self.max_flange_speed_mm_s = 0.0
+
+    def set_point(self, set_point: SetPoint) -> str | None:
+        """Check a set point that is about to be handed to the backend."""
+        limits = self._limits
+        moving = False
+        for axis in range(JOINT_COUNT):
+            position = set_point.position_rad[axis]
+            low, high = limits.position_min_rad[axis], limits.position_max_rad[axis]
+            if not low - _RANGE_TOLERANCE_RAD <= position <= high + _RANGE_TOLERANCE_RAD:
+                return f"set point of {JOINT_NAMES[axis]} {position:.4f} rad is outside {low:.4f}..{high:.4f} rad"
+            speed = abs(set_point.velocity_rad_s[axis])
+            if not speed <= limits.velocity_rad_s[axis] * (1 + _SPEED_TOLERANCE):
+                return (
+                    f"set point of {JOINT_NAMES[axis]} moves {speed:.4f} rad/s, "
+                    f"its limit is {limits.velocity_rad_s[axis]:.4f} rad/s"
+                )
+            moving = moving or speed > 0.0
+        if self._t1 and moving:
+            flange = self._model.flange_speed_mm_s(set_point.position_rad, set_point.velocity_rad_s)
+            if flange > T1_SPEED_LIMIT_MM_S:
+                return f"{COMMAND_T1}: {flange:.1f} mm/s, the limit is {T1_SPEED_LIMIT_MM_S:g} mm/s"
+        return None
+
+    def measured(self, state: ArmState) -> str | None:
+        """Check the measured state, and keep the flange speed."""
+        speed = self._model.flange_speed_mm_s(state.position_rad, state.velocity_rad_s)
+        self.flange_speed_mm_s = speed
+        if not math.isfinite(speed):
+            return "the robot side reports a state that is not finite"
+        self.max_flange_speed_mm_s = max(self.max_flange_speed_mm_s, speed)
+        if self._t1 and speed > T1_SPEED_LIMIT_MM_S:
+            return f"{MEASURED_T1}: {speed:.1f} mm/s, the limit is {T1_SPEED_LIMIT_MM_S:g} mm/s"
+        return None

@@ -1,0 +1,1 @@
+"""The asyncio shell around the core: clock, pacing, sockets, signals, capture. The only part that knows real time."""

@@ -1,0 +1,95 @@
+"""From a robot's configuration to a controller with its backend and codec: the one place that knows all rooms."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from backends.robots import load_description, load_pinocchio
+from hil.config.station import RobotConfig
+from hil.core.controller import Controller
+from hil.core.model import ArmModel
+from hil.core.settings import NS_PER_MS
+from hil.values.arm import Backend
+from hil.values.errors import UnknownName
+from hil.values.fri import CLIENT_PORT
+from hil.values.link import Address
+from hil.values.robot import RobotDescription
+from transport.fri import FriCodec
+from transport.udp import default_bind, parse_address, refuse_shared_port
+
+BACKENDS = ("mujoco", "ideal")
+
+
+@dataclass(frozen=True, slots=True)
+class FriAddresses:
+    """Where the FRI client is, and where it is served from (port 0: any free one)."""
+
+    peer: Address
+    bind: Address
+
+
+def fri_addresses(config: RobotConfig) -> FriAddresses | None:
+    """Return the resolved addresses of a robot's FRI link; raise :class:`ConfigurationError`."""
+    if config.fri is None:
+        return None
+    peer = parse_address(config.fri.client, default_port=CLIENT_PORT)
+    bind = default_bind(peer) if config.fri.bind is None else parse_address(config.fri.bind, default_port=CLIENT_PORT)
+    refuse_shared_port(bind=bind, peer=peer)
+    return FriAddresses(peer, bind)
+
+
+def check_backend(name: str) -> None:
+    """Raise :class:`UnknownName` if there is no backend of that name."""
+    if name not in BACKENDS:
+        raise UnknownName("backend", name, BACKENDS)
+
+
+def make_backend(config: RobotConfig, description: RobotDescription) -> Backend:
+    """Return the robot side a configuration names, not yet open; raise :class:`UnknownName`."""
+    check_backend(config.backend)
+    if config.backend == "ideal":
+        from backends.ideal import IdealBackend
+
+        return IdealBackend(description)
+    from backends.mujoco import MujocoBackend
+
+    return MujocoBackend(description, seed=config.seed)
+
+
+@dataclass(frozen=True, slots=True)
+class RobotParts:
+    """What takes its time to load, ready for a controller."""
+
+    description: RobotDescription
+    model: ArmModel
+    backend: Backend
+
+
+def open_parts(config: RobotConfig) -> RobotParts:
+    """Load a robot's models and open its backend, which the caller closes.
+
+    Raises :class:`ConfigurationError`, :class:`UnknownName` or :class:`BackendError`.
+    """
+    description = load_description(config.model)
+    backend = make_backend(config, description)
+    model = ArmModel(load_pinocchio(description.name))
+    backend.open(period_ns=config.cycle_ms * NS_PER_MS)
+    return RobotParts(description, model, backend)
+
+
+def make_controller(
+    config: RobotConfig,
+    parts: RobotParts,
+    *,
+    unix_epoch_ns: int,
+    fri_peer: Address | None,
+    on_stage: Callable[[str], None] | None = None,
+) -> Controller:
+    """Return the controller of a robot whose core time 0 is ``unix_epoch_ns``; cheap, to be done at the start."""
+    return Controller(
+        config.settings(unix_epoch_ns=unix_epoch_ns, fri_peer=fri_peer),
+        description=parts.description,
+        model=parts.model,
+        backend=parts.backend,
+        codec=None if config.fri is None else FriCodec(config.fri.release),
+        on_stage=on_stage,
+    )

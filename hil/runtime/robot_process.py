@@ -1,0 +1,215 @@
+"""One live robot: its controller, its socket, its pacing. Supervised by :mod:`hil.runtime.run`."""
+
+import asyncio
+from collections.abc import Callable
+from typing import Protocol
+
+from hil.config.station import Overrun, RobotConfig
+from hil.core.controller import FRI_LINK, Controller
+from hil.core.events import Event
+from hil.core.settings import NS_PER_MS
+from hil.runtime.assembly import FriAddresses, RobotParts, make_controller, open_parts
+from hil.runtime.clock import Clock, elapsed_ns
+from hil.runtime.measurements import RunMeasurements
+from hil.runtime.pacer import Pacer, Tick, open_pacer
+from hil.values.errors import BackendError
+from hil.values.link import Address, Source
+from transport.udp import EndpointClosed, PeerEndpoint, open_peer_endpoint
+
+CATCH_UP_MOST = 10
+CLOSING_CYCLES = 3000
+"""Cycles an arm gets to brake at the end; the rated braking time is a tenth of that."""
+
+
+class Recorder(Protocol):
+    """Takes datagrams for a capture; must not block."""
+
+    def put(self, at_unix_ns: int, source: Address, destination: Address, payload: bytes) -> None:
+        """Record one datagram."""
+
+
+class RobotProcess:
+    """Opens in ``open``, runs in ``run`` until ``stop`` was called and the arm rests, releases in ``close``."""
+
+    def __init__(
+        self,
+        config: RobotConfig,
+        *,
+        addresses: FriAddresses | None,
+        clock: Clock,
+        tell: Callable[[str, Event], None],
+        recorder: Recorder | None,
+    ) -> None:
+        self.config = config
+        self.addresses = addresses
+        self.measurements = RunMeasurements()
+        self.faulted: str | None = None
+        self._clock = clock
+        self._tell = tell
+        self._recorder = recorder
+        self._controller: Controller | None = None
+        self._parts: RobotParts | None = None
+        self._endpoint: PeerEndpoint | None = None
+        self._stopping = asyncio.Event()
+        self._period_ns = config.cycle_ms * NS_PER_MS
+        self._epoch_ns = 0
+        self._unix_epoch_ns = 0
+
+    @property
+    def controller(self) -> Controller:
+        """The core; there once :meth:`start` returned."""
+        if self._controller is None:
+            raise BackendError(f"robot {self.config.name} was not started")
+        return self._controller
+
+    @property
+    def local_address(self) -> Address | None:
+        """Where the FRI client is served from."""
+        return None if self._endpoint is None else self._endpoint.local
+
+    async def open(self) -> None:
+        """Bind the socket, load the models, open the robot side. Raises HilError."""
+        if self.addresses is not None:
+            self._endpoint = await open_peer_endpoint(bind=self.addresses.bind, peer=self.addresses.peer)
+        self._parts = open_parts(self.config)
+
+    def start(self, *, unix_epoch_ns: int, epoch_ns: int) -> None:
+        """Make the controller; its core time 0 is ``epoch_ns`` of the clock, ``unix_epoch_ns`` in Unix time."""
+        if self._parts is None:
+            raise BackendError(f"robot {self.config.name} is not open")
+        self._epoch_ns, self._unix_epoch_ns = epoch_ns, unix_epoch_ns
+        self._controller = make_controller(
+            self.config,
+            self._parts,
+            unix_epoch_ns=unix_epoch_ns,
+            fri_peer=None if self.addresses is None else self.addresses.peer,
+        )
+
+    def stop(self) -> None:
+        """Ask for the end: the arm brakes, the session closes, then :meth:`run` returns."""
+        self._stopping.set()
+
+    async def run(self) -> None:
+        """Serve until stopped. A robot side that fails ends the run with :class:`BackendError`."""
+        pacer = open_pacer(clock=self._clock, first_due_ns=self._epoch_ns, period_ns=self._period_ns)
+        try:
+            async with asyncio.TaskGroup() as group:
+                listeners = self._listen(group)
+                await self._cycles(pacer)
+                for listener in listeners:
+                    listener.cancel()
+        finally:
+            pacer.close()
+
+    def close(self) -> None:
+        """Release socket and robot side."""
+        if self._endpoint is not None:
+            self._endpoint.close()
+        if self._parts is not None:
+            self._parts.backend.close()
+
+    def report(self) -> dict[str, object]:
+        """Return this robot's part of the status file."""
+        endpoint = self._endpoint
+        return {
+            "model": self.config.model,
+            "backend": self.config.backend,
+            "mode": self.config.mode.value,
+            **self.measurements.report(),
+            **self.controller.report(),
+            "fri": None
+            if endpoint is None or self.config.fri is None
+            else {
+                "release": self.config.fri.release.value,
+                "client": str(endpoint.peer),
+                "bound": str(endpoint.local),
+                "send_period_ms": self.config.fri.send_period_ms,
+                "receive_multiplier": self.config.fri.receive_multiplier,
+                "refused_by_peer_machine": endpoint.refused,
+            },
+        }
+
+    async def _cycles(self, pacer: Pacer) -> None:
+        closing_cycles = 0
+        while not self.controller.closed and closing_cycles < CLOSING_CYCLES:
+            tick = await pacer.next_tick()
+            if self._stopping.is_set():
+                self.controller.close(now_ns=tick.due_ns - self._epoch_ns)
+                closing_cycles += 1
+            await self._cycle(tick)
+
+    async def _cycle(self, tick: Tick) -> None:
+        began_ns = tick.due_ns + tick.lateness_ns
+        before_ns = elapsed_ns()
+        controller = self.controller
+        if tick.missed:
+            self._overrun(tick)
+        controller.tick(now_ns=tick.due_ns - self._epoch_ns, lateness_ns=tick.lateness_ns)
+        await self._send_outgoing()
+        self.measurements.ticked(
+            began_ns=began_ns, lateness_ns=tick.lateness_ns, cost_ns=elapsed_ns() - before_ns, missed=tick.missed
+        )
+        for event in controller.events():
+            self._tell(self.config.name, event)
+
+    def _overrun(self, tick: Tick) -> None:
+        match self.config.overrun:
+            case Overrun.SKIP:
+                return
+            case Overrun.FAULT:
+                if self.faulted is None:
+                    self.faulted = f"{tick.missed} control cycles were missed, and the overrun policy is fault"
+                self.stop()
+            case Overrun.CATCH_UP:
+                for back in range(min(tick.missed, CATCH_UP_MOST), 0, -1):
+                    due_ns = tick.due_ns - back * self._period_ns
+                    self.controller.tick(
+                        now_ns=due_ns - self._epoch_ns, lateness_ns=tick.lateness_ns + back * self._period_ns
+                    )
+
+    async def _send_outgoing(self) -> None:
+        endpoint = self._endpoint
+        for datagram in self.controller.outgoing():
+            if endpoint is None:
+                continue
+            await endpoint.send(datagram.payload)
+            if self._recorder is not None:
+                self._recorder.put(self._unix_now_ns(), endpoint.local, endpoint.peer, datagram.payload)
+
+    def _listen(self, group: asyncio.TaskGroup) -> list[asyncio.Task[None]]:
+        if self._endpoint is None:
+            return []
+        name = self.config.name
+        return [
+            group.create_task(self._listen_to_peer(self._endpoint), name=f"{name} FRI client"),
+            group.create_task(self._listen_to_strangers(self._endpoint), name=f"{name} FRI strangers"),
+        ]
+
+    async def _listen_to_peer(self, endpoint: PeerEndpoint) -> None:
+        source = Source(FRI_LINK, endpoint.peer)
+        while True:
+            try:
+                datagram = await endpoint.receive()
+            except EndpointClosed:
+                return
+            before_ns = elapsed_ns()
+            self._receive(datagram, source)
+            self.measurements.between_ticks(elapsed_ns() - before_ns)
+
+    async def _listen_to_strangers(self, endpoint: PeerEndpoint) -> None:
+        while True:
+            try:
+                datagram, sender = await endpoint.receive_stranger()
+            except EndpointClosed:
+                return
+            self._receive(datagram, Source(FRI_LINK, sender))
+
+    def _receive(self, datagram: bytes, source: Source) -> None:
+        now_ns = self._clock.now_ns()
+        self.controller.receive(datagram, source, now_ns=now_ns - self._epoch_ns)
+        if self._recorder is not None and self._endpoint is not None:
+            at_unix_ns = self._unix_epoch_ns + now_ns - self._epoch_ns
+            self._recorder.put(at_unix_ns, source.address, self._endpoint.local, datagram)
+
+    def _unix_now_ns(self) -> int:
+        return self._unix_epoch_ns + self._clock.now_ns() - self._epoch_ns

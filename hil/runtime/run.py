@@ -1,0 +1,212 @@
+"""Run a station: open everything, serve until asked to stop, close everything, report."""
+
+import asyncio
+import gc
+import json
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hil.config.station import RobotConfig, Station
+from hil.core.events import Event
+from hil.runtime.assembly import fri_addresses
+from hil.runtime.clock import Clock, MonotonicClock, unix_time_ns
+from hil.runtime.console import Console
+from hil.runtime.progress import progress_line
+from hil.runtime.realtime import Wish, ask_for_realtime
+from hil.runtime.robot_process import RobotProcess
+from hil.values.errors import ConfigurationError, HilError
+from hil.version import VERSION
+
+if TYPE_CHECKING:
+    from transport.capture.process import CaptureProcess, CaptureSummary
+
+START_DELAY_NS = 5_000_000
+"""Between the decision to start and the first cycle, so that the first one is not late already."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """How to run, beside what the station says."""
+
+    duration_s: float | None = None
+    status_json: Path | None = None
+    progress_s: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """What became of a run; ``fault`` is None when it ended as it was asked to."""
+
+    status: dict[str, object]
+    fault: str | None
+
+
+def run_station(station: Station, options: RunOptions) -> RunResult:
+    """Run until SIGINT, SIGTERM or the duration ends it. Raises HilError when it cannot start."""
+    if options.status_json is not None and not options.status_json.parent.is_dir():
+        raise ConfigurationError(f"cannot write {options.status_json}: there is no folder {options.status_json.parent}")
+    result = asyncio.run(_Run(station, options).run())
+    if options.status_json is not None:
+        options.status_json.write_text(json.dumps(result.status, indent=2) + "\n", encoding="utf-8")
+    return result
+
+
+class _Run:
+    def __init__(self, station: Station, options: RunOptions) -> None:
+        self._station = station
+        self._options = options
+        self._clock: Clock = MonotonicClock()
+        self._console = Console()
+        self._wishes: list[Wish] = []
+        self._robots: list[RobotProcess] = []
+        self._epoch_ns = 0
+
+    async def run(self) -> RunResult:
+        recorder: CaptureProcess | None = None
+        fault: str | None = None
+        capture: CaptureSummary | None = None
+        try:
+            recorder = self._open_capture()
+            self._robots = [self._robot(config, recorder) for config in self._station.robot]
+            for robot in self._robots:
+                await robot.open()
+            self._wishes = ask_for_realtime() if self._station.realtime else []
+            self._start()
+            fault = await self._serve()
+        finally:
+            for robot in self._robots:
+                robot.close()
+            if recorder is not None:
+                capture = recorder.close()
+            self._console.close()
+        return RunResult(self._status(fault, capture), fault)
+
+    def _robot(self, config: RobotConfig, recorder: "CaptureProcess | None") -> RobotProcess:
+        return RobotProcess(
+            config, addresses=fri_addresses(config), clock=self._clock, tell=self._tell, recorder=recorder
+        )
+
+    def _open_capture(self) -> "CaptureProcess | None":
+        if self._station.capture is None:
+            return None
+        from transport.capture.process import CaptureProcess
+
+        comment = {"software": f"fri-hil {VERSION}", "station": self._station.model_dump(mode="json")}
+        return CaptureProcess(self._station.capture, comment=json.dumps(comment))
+
+    def _start(self) -> None:
+        """Give all robots their time axes, spread over one millisecond so that their cycles do not collide."""
+        gc.collect()
+        gc.freeze()
+        self._epoch_ns = self._clock.now_ns() + START_DELAY_NS
+        unix_epoch_ns = unix_time_ns() + START_DELAY_NS
+        for index, robot in enumerate(self._robots):
+            phase_ns = index * 1_000_000 // len(self._robots)
+            robot.start(unix_epoch_ns=unix_epoch_ns + phase_ns, epoch_ns=self._epoch_ns + phase_ns)
+            self._console.say(_serving(robot))
+        for wish in self._wishes:
+            self._console.say(f"realtime: {wish.what}: {'yes' if wish.granted else 'NOT GRANTED'}, {wish.detail}")
+
+    async def _serve(self) -> str | None:
+        with _stop_on_signals(self._stop), _repeated(self._options.progress_s, self._say_progress):
+            deadline = None
+            if self._options.duration_s is not None:
+                deadline = asyncio.get_running_loop().call_later(self._options.duration_s, self._stop)
+            try:
+                await self._run_robots()
+            except BaseExceptionGroup as errors:
+                ours, others = errors.split(HilError)
+                if others is not None or ours is None:
+                    raise
+                return "; ".join(str(error) for error in _leaves(ours))
+            finally:
+                if deadline is not None:
+                    deadline.cancel()
+        return next((robot.faulted for robot in self._robots if robot.faulted is not None), None)
+
+    async def _run_robots(self) -> None:
+        async with asyncio.TaskGroup() as group:
+            for robot in self._robots:
+                group.create_task(robot.run(), name=f"robot {robot.config.name}")
+
+    def _stop(self) -> None:
+        for robot in self._robots:
+            robot.stop()
+
+    def _tell(self, name: str, event: Event) -> None:
+        self._console.say(f"[{event.at_ns / 1e9:9.3f} s] {name}: {event}")
+
+    def _say_progress(self) -> None:
+        elapsed_s = (self._clock.now_ns() - self._epoch_ns) / 1e9
+        for robot in self._robots:
+            self._console.say(progress_line(robot, elapsed_s=elapsed_s, duration_s=self._options.duration_s))
+
+    def _status(self, fault: str | None, capture: "CaptureSummary | None") -> dict[str, object]:
+        return {
+            "software": f"fri-hil {VERSION}",
+            "fault": fault,
+            "realtime": [wish._asdict() for wish in self._wishes],
+            "capture": None
+            if capture is None
+            else {
+                "path": str(capture.path),
+                "written": capture.written,
+                "dropped": capture.dropped,
+                "error": capture.error,
+            },
+            "robots": {robot.config.name: robot.report() for robot in self._robots},
+        }
+
+
+def _serving(robot: RobotProcess) -> str:
+    config = robot.config
+    text = f"{config.name}: {config.model}, backend {config.backend}, mode {config.mode}, cycle {config.cycle_ms} ms"
+    if config.fri is not None and robot.addresses is not None:
+        text += (
+            f"; FRI {config.fri.release} from {robot.local_address} to the client at {robot.addresses.peer}, "
+            f"every {config.fri.send_period_ms} ms, overlay {config.fri.overlay}"
+        )
+    return text
+
+
+@contextmanager
+def _stop_on_signals(stop: Callable[[], None]) -> Iterator[None]:
+    loop = asyncio.get_running_loop()
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    for number in numbers:
+        loop.add_signal_handler(number, stop)
+    try:
+        yield
+    finally:
+        for number in numbers:
+            loop.remove_signal_handler(number)
+
+
+@contextmanager
+def _repeated(period_s: float, action: Callable[[], None]) -> Iterator[None]:
+    loop = asyncio.get_running_loop()
+    handles: list[asyncio.TimerHandle] = []
+
+    def again() -> None:
+        handles[:] = [loop.call_later(period_s, again)]
+        action()
+
+    if period_s > 0:
+        handles.append(loop.call_later(period_s, again))
+    try:
+        yield
+    finally:
+        for handle in handles:
+            handle.cancel()
+
+
+def _leaves(group: BaseExceptionGroup[HilError]) -> Iterator[BaseException]:
+    for error in group.exceptions:
+        if isinstance(error, BaseExceptionGroup):
+            yield from _leaves(error)
+        else:
+            yield error

@@ -1,0 +1,44 @@
+"""timerfd by way of the standard library (3.13 on) or the C library. Linux only; elsewhere there is a coarser pacer."""
+
+import ctypes
+import errno
+import os
+import sys
+
+CLOCK_MONOTONIC = 1
+_TFD_TIMER_ABSTIME = 1
+_TFD_NONBLOCK = 0o4000
+_TFD_CLOEXEC = 0o2000000
+_NS_PER_S = 1_000_000_000
+
+
+class _TimeSpec(ctypes.Structure):
+    _fields_ = (("tv_sec", ctypes.c_long), ("tv_nsec", ctypes.c_long))
+
+
+class _TimerSpec(ctypes.Structure):
+    _fields_ = (("it_interval", _TimeSpec), ("it_value", _TimeSpec))
+
+
+def available() -> bool:
+    """Return whether this system has timerfd."""
+    return sys.platform == "linux"
+
+
+def open_periodic(*, first_due_ns: int, period_ns: int) -> int:
+    """Return a non-blocking timerfd that expires at absolute CLOCK_MONOTONIC times; raise OSError."""
+    libc = ctypes.CDLL(None, use_errno=True)
+    descriptor: int = libc.timerfd_create(CLOCK_MONOTONIC, _TFD_NONBLOCK | _TFD_CLOEXEC)
+    if descriptor < 0:
+        raise _last_error("timerfd_create")
+    spec = _TimerSpec(_TimeSpec(*divmod(period_ns, _NS_PER_S)), _TimeSpec(*divmod(first_due_ns, _NS_PER_S)))
+    if libc.timerfd_settime(descriptor, _TFD_TIMER_ABSTIME, ctypes.byref(spec), None) < 0:
+        error = _last_error("timerfd_settime")
+        os.close(descriptor)
+        raise error
+    return descriptor
+
+
+def _last_error(what: str) -> OSError:
+    number = ctypes.get_errno()
+    return OSError(number, f"{what}: {errno.errorcode.get(number, number)}")

@@ -1,0 +1,72 @@
+"""What passes between the controller and its robot side each cycle, and the contract of a robot side."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+from hil.values.fri import ControlMode, DriveState
+from hil.values.robot import Seven
+
+
+class ArmState(NamedTuple):
+    """Measured state of the arm.
+
+    ``position_rad`` and ``velocity_rad_s`` in the robot's own sense of rotation. ``torque_nm`` is what the joint torque
+    sensors show, in the sign of the facts (section 4.4): minus the actuation torque. ``external_torque_nm`` is positive
+    when the environment pushes a joint towards plus. ``commanded_torque_nm`` has the sign of ``torque_nm``.
+    """
+
+    position_rad: Seven
+    velocity_rad_s: Seven
+    torque_nm: Seven
+    external_torque_nm: Seven
+    commanded_torque_nm: Seven
+    drive_states: tuple[DriveState, ...]
+
+
+class JointCommand(NamedTuple):
+    """What the arm is told for the next cycle: position in rad and its rate in rad/s."""
+
+    position_rad: Seven
+    velocity_rad_s: Seven
+
+
+@dataclass(frozen=True, slots=True)
+class Capabilities:
+    """What a robot side can do; told truthfully, because the controller refuses the rest."""
+
+    joint_count: int
+    control_modes: frozenset[ControlMode]
+    shortest_period_ns: int
+    paces_the_cycle: bool
+    moves_real_drives: bool
+
+
+class Backend(Protocol):
+    """A robot side. ``read`` never blocks; ``open`` never moves the arm; ``open`` and ``close`` are idempotent."""
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What this robot side can do."""
+
+    def open(self, *, period_ns: int) -> None:
+        """Get ready to be read and stepped every ``period_ns``; raise BackendError or ConfigurationError."""
+
+    def read(self) -> ArmState:
+        """Return the newest measured state."""
+
+    def write(self, command: JointCommand) -> None:
+        """Take the command of this cycle."""
+
+    def step(self) -> None:
+        """Let one period pass on the robot side (a simulation advances, a bus exchanges)."""
+
+    def close(self) -> None:
+        """Release everything."""
+
+
+def seven(values: Sequence[float]) -> Seven:
+    """Return ``values`` as a tuple of seven floats; raise ValueError for another count."""
+    if len(values) != 7:
+        raise ValueError(f"{len(values)} values given, an arm has 7 joints")
+    return tuple(values)  # type: ignore[return-value]  # the length was checked just above

@@ -1,0 +1,13 @@
+"""The version, from the installed distribution."""
+
+from importlib.metadata import PackageNotFoundError, version
+
+
+def _read() -> str:
+    try:
+        return version("fri-hil")
+    except PackageNotFoundError:
+        return "not installed"
+
+
+VERSION = _read()

@@ -1,0 +1,195 @@
+"""UDP endpoints for one peer: a connected socket, and a second one that hears everybody else.
+
+The connected socket is the kernel's filter: only the peer's datagrams reach it. What other senders address to the same
+port would be refused unseen; the second, unconnected socket on the same address takes those, so that they can be
+counted. Both are read by asyncio one datagram a loop pass, so nothing queues here but what the kernel holds.
+"""
+
+import errno
+import socket
+
+import asyncio_dgram
+
+from hil.values.errors import ConfigurationError, EndpointError
+from hil.values.link import Address
+
+ANY_HOST = "0.0.0.0"  # noqa: S104  # compared with, never bound to by default
+RECEIVE_BUFFER_BYTES = 1 << 18
+
+
+class EndpointClosed(EndpointError):
+    """The endpoint was closed while somebody waited for a datagram."""
+
+
+class PeerEndpoint:
+    """A bound address that talks to one peer. Make it with :func:`open_peer_endpoint`; ``close`` is idempotent."""
+
+    def __init__(
+        self,
+        *,
+        local: Address,
+        peer: Address,
+        connected: asyncio_dgram.aio.DatagramClient,
+        others: asyncio_dgram.aio.DatagramServer,
+    ) -> None:
+        self.local = local
+        self.peer = peer
+        self.refused = 0
+        """Datagrams the peer's machine answered with "nobody listens there"."""
+        self._connected = connected
+        self._others = others
+        self._closed = False
+
+    async def send(self, datagram: bytes) -> None:
+        """Send to the peer. That nobody listens there is counted, not raised."""
+        # A pending ICMP error would make the kernel refuse this datagram instead of sending it: fetch it first.
+        if self._connected.socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
+            self.refused += 1
+        self._fetch_errors()
+        try:
+            await self._connected.send(datagram)
+        except asyncio_dgram.TransportClosed:
+            raise EndpointClosed(f"{self.local} is closed") from None
+
+    async def receive(self) -> bytes:
+        """Return the peer's next datagram; raise :class:`EndpointClosed`."""
+        datagram, _ = await self._receive(self._connected)
+        return datagram
+
+    async def receive_stranger(self) -> tuple[bytes, Address]:
+        """Return the next datagram of anybody else, and who sent it; raise :class:`EndpointClosed`."""
+        datagram, sender = await self._receive(self._others)
+        return datagram, Address(*sender[:2])
+
+    def close(self) -> None:
+        """Close both sockets."""
+        if not self._closed:
+            self._closed = True
+            self._connected.close()
+            self._others.close()
+
+    async def _receive(
+        self, stream: asyncio_dgram.aio.DatagramClient | asyncio_dgram.aio.DatagramServer
+    ) -> tuple[bytes, tuple[str, int]]:
+        while True:
+            try:
+                received: tuple[bytes, tuple[str, int]] = await stream.recv()
+            except asyncio_dgram.TransportClosed:
+                raise EndpointClosed(f"{self.local} is closed") from None
+            except OSError:
+                self.refused += 1
+            else:
+                return received
+
+    def _fetch_errors(self) -> None:
+        while True:
+            try:
+                if self._connected.exception is None:
+                    return
+            except OSError:
+                self.refused += 1
+
+
+async def open_peer_endpoint(*, bind: Address, peer: Address) -> PeerEndpoint:
+    """Bind ``bind`` (port 0: any free one) for ``peer``; raise :class:`EndpointError` in one sentence."""
+    refuse_shared_port(bind=bind, peer=peer)
+    first = _socket()
+    second = _socket()
+    try:
+        # Bound without SO_REUSEADDR, so that a port in use is found out; the option then lets in our second socket,
+        # and is taken back before anybody else could use it.
+        _bind(first, bind)
+        bound = first.getsockname()
+        first.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        second.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        _bind(second, Address(*bound))
+        for sock in (first, second):
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0)
+            sock.setblocking(False)
+        _connect(first, peer)
+        local = Address(*first.getsockname())
+        connected = await asyncio_dgram.from_socket(first)
+        others = await asyncio_dgram.from_socket(second)
+    except BaseException:
+        first.close()
+        second.close()
+        raise
+    return PeerEndpoint(local=local, peer=peer, connected=connected, others=others)
+
+
+def refuse_shared_port(*, bind: Address, peer: Address) -> None:
+    """Raise :class:`ConfigurationError` where a client on this machine could not have its port beside ours."""
+    if bind.port == 0 or bind.port != peer.port or not is_local(peer.host):
+        return
+    if bind.host == ANY_HOST:
+        raise ConfigurationError(
+            f"cannot bind {bind} for the client at {peer}: it would take the client's port {peer.port} on every "
+            f"address of this machine; bind another port, or another loopback address (127.0.0.2:{peer.port})"
+        )
+    if bind.host == peer.host:
+        raise ConfigurationError(f"cannot bind {bind}: that is the client's own address")
+
+
+def is_local(host: str) -> bool:
+    """Return whether ``host`` is an address of this machine."""
+    with _socket() as sock:
+        try:
+            sock.bind((host, 0))
+        except OSError:
+            return False
+    return True
+
+
+def default_bind(peer: Address) -> Address:
+    """Return where to bind for ``peer`` when nothing is said.
+
+    The address this machine reaches the peer from; any free port for a client on this machine, which holds its own
+    port here, and the client's port for one elsewhere, because a client that was given a host name hears only that.
+    """
+    if is_local(peer.host):
+        return Address(peer.host, 0)
+    with _socket() as sock:
+        _connect(sock, peer)
+        return Address(sock.getsockname()[0], peer.port)
+
+
+def parse_address(text: str, *, default_port: int) -> Address:
+    """Return ``HOST[:PORT]`` with the host resolved to IPv4; raise :class:`ConfigurationError`."""
+    host, colon, port_text = text.partition(":")
+    try:
+        port = int(port_text) if colon else default_port
+    except ValueError:
+        raise ConfigurationError(f"{text!r}: the port {port_text!r} is no number") from None
+    if not 0 <= port <= 65535:
+        raise ConfigurationError(f"{text!r}: port {port} is outside 0..65535")
+    try:
+        return Address(socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_DGRAM)[0][4][0], port)  # type: ignore[arg-type]
+    except (socket.gaierror, UnicodeError):
+        raise ConfigurationError(f"{text!r}: there is no host {host!r} with an IPv4 address") from None
+
+
+def _socket() -> socket.socket:
+    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+    return sock
+
+
+def _bind(sock: socket.socket, address: Address) -> None:
+    try:
+        sock.bind(address)
+    except OSError as error:
+        hint = ""
+        if error.errno == errno.EADDRINUSE:
+            hint = (
+                "; another program holds that port, and one that listens on all addresses (an FRI client does) holds "
+                "it on every address of this machine: choose another port, bind the client to one address, "
+                "or give it a network namespace of its own"
+            )
+        raise EndpointError(f"cannot bind UDP {address}: {error.strerror}{hint}") from error
+
+
+def _connect(sock: socket.socket, peer: Address) -> None:
+    try:
+        sock.connect(peer)
+    except OSError as error:
+        raise EndpointError(f"cannot reach UDP {peer}: {error.strerror}") from error
