@@ -19,25 +19,24 @@ class ArmModel:
         self._model = model
         self._data = model.createData()
         self._frame = model.getFrameId(flange_frame)
-        self._jacobian = np.zeros((6, model.nv))
+        self._at: Seven | None = None
 
     def flange_in_base_mm(self, position_rad: Seven) -> tuple[float, ...]:
         """Return translation in mm and unit quaternion w x y z, seven numbers, as FRI 2.x sends poses."""
-        pinocchio.framesForwardKinematics(self._model, self._data, np.array(position_rad))
-        placement = self._data.oMf[self._frame]
-        x, y, z = placement.translation
-        return (x * 1e3, y * 1e3, z * 1e3, *_quaternion_wxyz(placement.rotation))
+        # Immutable tuples: the same object is the same position, so the speed of this cycle already placed the links.
+        if position_rad is not self._at:
+            pinocchio.forwardKinematics(self._model, self._data, np.array(position_rad))
+            self._at = position_rad
+        placement = pinocchio.updateFramePlacement(self._model, self._data, self._frame)
+        x, y, z, qx, qy, qz, qw = pinocchio.SE3ToXYZQUATtuple(placement)
+        return (x * 1e3, y * 1e3, z * 1e3, qw, qx, qy, qz)
 
     def flange_speed_mm_s(self, position_rad: Seven, velocity_rad_s: Seven) -> float:
         """Return the speed of the flange's origin in mm/s."""
-        jacobian = pinocchio.computeFrameJacobian(
-            self._model, self._data, np.array(position_rad), self._frame, pinocchio.LOCAL_WORLD_ALIGNED
-        )
-        velocity: NDArray[np.float64] = jacobian[:3] @ np.array(velocity_rad_s)
-        return 1e3 * math.sqrt(float(velocity @ velocity))
-
-
-def _quaternion_wxyz(rotation: "NDArray[np.float64]") -> tuple[float, float, float, float]:
-    quaternion = pinocchio.Quaternion(rotation)
-    quaternion.normalize()
-    return (float(quaternion.w), float(quaternion.x), float(quaternion.y), float(quaternion.z))
+        pinocchio.forwardKinematics(self._model, self._data, np.array(position_rad), np.array(velocity_rad_s))
+        self._at = position_rad
+        velocity: NDArray[np.float64] = pinocchio.getFrameVelocity(
+            self._model, self._data, self._frame, pinocchio.LOCAL
+        ).linear
+        x, y, z = velocity
+        return 1e3 * math.sqrt(x * x + y * y + z * z)

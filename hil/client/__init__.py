@@ -1,0 +1,1 @@
+"""What application processes import: clients of the controller's links. Knows neither core nor runtime."""

@@ -1,0 +1,80 @@
+"""What both shells share: the socket, and how long a run waits for its next datagram."""
+
+import errno
+import socket
+from collections.abc import Iterator
+
+from hil.client._deadline import Deadline
+from hil.client.fri.session import ClientSession
+from hil.values.errors import ConfigurationError, EndpointError, UsageError
+from hil.values.link import Address
+from transport.udp import parse_address
+
+
+def open_socket(*, bind: Address, controller: str | None) -> socket.socket:
+    """Return a UDP socket bound to ``bind``, connected to ``controller`` (``HOST[:PORT]``, port: ours) when given.
+
+    Raises :class:`EndpointError` in one sentence, and leaves no socket open then.
+    """
+    if not 0 <= bind.port <= 65535:
+        raise ConfigurationError(f"port {bind.port} is outside 0..65535")
+    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        _bind(sock, bind)
+        if controller is not None:
+            _connect(sock, parse_address(controller, default_port=sock.getsockname()[1]))
+    except BaseException:
+        sock.close()
+        raise
+    return sock
+
+
+def timeouts(session: ClientSession, *, duration_s: float | None, silence_s: float | None) -> Iterator[float | None]:
+    """Yield how long, in seconds, to wait for the next datagram (None: for ever), until the run is over.
+
+    It is over when the session ends, after ``duration_s``, or ``silence_s`` after the last monitoring message.
+    """
+    duration, silence = Deadline(duration_s), Deadline(silence_s)
+    while True:
+        left = _earlier(duration.left_s(), silence.left_s())
+        if left is not None and left <= 0:
+            return
+        received = session.received
+        yield left
+        if session.received != received:
+            silence.restart()
+            if session.ended:
+                return
+
+
+def not_open() -> UsageError:
+    """Return the error of a client used outside its ``with`` block."""
+    return UsageError("the FRI client is not open; use it inside its with block")
+
+
+def cannot_answer(controller: object, error: OSError) -> EndpointError:
+    """Return the error of an answer the machine would not send."""
+    return EndpointError(f"cannot answer the controller at {controller}: {error.strerror}")
+
+
+def _earlier(one: float | None, other: float | None) -> float | None:
+    if one is None or other is None:
+        return other if one is None else one
+    return min(one, other)
+
+
+def _bind(sock: socket.socket, address: Address) -> None:
+    try:
+        sock.bind(address)
+    except OSError as error:
+        hint = ""
+        if error.errno == errno.EADDRINUSE:
+            hint = "; another program, maybe another FRI client, holds that port: end it, or choose another port"
+        raise EndpointError(f"cannot bind UDP {address}: {error.strerror}{hint}") from error
+
+
+def _connect(sock: socket.socket, controller: Address) -> None:
+    try:
+        sock.connect(controller)
+    except OSError as error:
+        raise EndpointError(f"cannot reach the controller at UDP {controller}: {error.strerror}") from error

@@ -1,0 +1,1 @@
+"""What leaves and enters the process: wire formats and recordings. Imports nothing of ours but `hil.values`."""
