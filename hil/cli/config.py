@@ -35,19 +35,28 @@ def check(file: Annotated[Path, typer.Argument(help="Station file to check.")]) 
     from backends.robots import load_description
     from hil.runtime.assembly import check_backend, fri_addresses
 
-    table = Table(
-        "robot", "model", "backend", "mode", "cycle", "FRI client", "served from", "release", "period", "overlay"
-    )
+    table = Table("", *(robot.name for robot in station.robot), title=str(file))
+    columns = []
     for robot in station.robot:
         load_description(robot.model)
         check_backend(robot.backend)
         addresses = fri_addresses(robot)
-        fri = robot.fri
-        links = ["-"] * 5
-        if fri is not None and addresses is not None:
-            period = f"{fri.send_period_ms} ms x {fri.receive_multiplier}"
-            links = [str(addresses.peer), str(addresses.bind), fri.release.value, period, fri.overlay.value]
-        table.add_row(robot.name, robot.model, robot.backend, robot.mode.value, f"{robot.cycle_ms} ms", *links)
+        rows = {
+            "model": robot.model,
+            "backend": robot.backend,
+            "mode": robot.mode.value,
+            "cycle": f"{robot.cycle_ms} ms, overrun {robot.overrun}",
+        }
+        if robot.fri is not None and addresses is not None:
+            rows |= {
+                "FRI client": f"{addresses.peer}, release {robot.fri.release}",
+                "served from": "any free port" if addresses.bind.port == 0 else str(addresses.bind),
+                "send period": f"{robot.fri.send_period_ms} ms, receive multiplier {robot.fri.receive_multiplier}",
+                "overlay": robot.fri.overlay.value,
+            }
+        columns.append(rows)
+    for label in dict.fromkeys(label for rows in columns for label in rows):
+        table.add_row(label, *(rows.get(label, "-") for rows in columns))
     Console().print(table)
     typer.echo(f"{file} is good")
 

@@ -1,7 +1,7 @@
 """A controller and a client of our own making, in virtual time and one thread: the bench every core test stands on."""
 
 import math
-
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -39,7 +39,7 @@ class RecordingBackend(IdealBackend):
 
 @dataclass
 class Client:
-    """Answers like the vendor's client with its joint sine; every knob makes it misbehave."""
+    """Answers like the vendor's joint sine, which begins anew in each session; every knob makes it misbehave."""
 
     codec: FriCodec
     amplitude_rad: float = 0.04
@@ -50,11 +50,14 @@ class Client:
     sequence: int = 0
     received: int = 0
     states: list[SessionState] = field(default_factory=list)
+    heard: deque[bytes] = field(default_factory=lambda: deque(maxlen=5000))
+    said: deque[bytes] = field(default_factory=lambda: deque(maxlen=5000))
     phase: float = 0.0
     offset: float = 0.0
 
     def answer(self, datagram: bytes) -> bytes | None:
         """Return the answer to a monitoring message, or None."""
+        self.heard.append(datagram)
         message = self.codec.decode_monitoring(datagram)
         connection = message.connection
         assert connection is not None
@@ -62,6 +65,7 @@ class Client:
         state = SessionState(connection.session_state)
         if not self.states or self.states[-1] is not state:
             self.states.append(state)
+            self.phase = self.offset = 0.0
         self.received += 1
         multiplier = connection.receive_multiplier or 1
         if state is SessionState.IDLE or self.received % multiplier or not self.answers(self.received):
@@ -78,7 +82,8 @@ class Client:
             data = CommandData(position=message.monitor.commanded_position)
         command = self.change(CommandMessage(self.sequence, message.sequence_counter, data), message)
         self.sequence = (self.sequence + 1) % 2**32
-        return self.codec.encode_command(command)
+        self.said.append(self.codec.encode_command(command))
+        return self.said[-1]
 
 
 class Bench:

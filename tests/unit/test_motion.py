@@ -1,5 +1,7 @@
 """Laws of the overlay and of braking: limits kept, ends exact, no jump; seeded by hypothesis."""
 
+import itertools
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -109,8 +111,8 @@ def test_brake_in_free_space_keeps_rated_deceleration_and_jerk_and_the_path(velo
     reference = start.velocity_rad_s[fastest]
     for axis in range(JOINT_COUNT):
         path = [position[axis] for position in positions]
-        speeds = [(there - here) / CYCLE_S for here, there in zip(path, path[1:], strict=False)]
-        accelerations = [(there - here) / CYCLE_S for here, there in zip(speeds, speeds[1:-1], strict=False)]
+        speeds = [(there - here) / CYCLE_S for here, there in itertools.pairwise(path)]
+        accelerations = [(there - here) / CYCLE_S for here, there in itertools.pairwise(speeds)]
         assert all(abs(value) <= limits.acceleration_rad_s2[axis] * (1 + 1e-6) + 1e-6 for value in accelerations)
         if abs(reference) > 1e-3:
             ratio = start.velocity_rad_s[axis] / reference

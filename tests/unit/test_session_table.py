@@ -22,7 +22,7 @@ def test_every_pair_is_in_the_table_or_refused(state: SessionState, trigger: Tri
 
 
 def test_every_state_can_be_reached_and_closed() -> None:
-    assert {new for new in TABLE.values()} == set(SessionState)
+    assert set(TABLE.values()) == set(SessionState)
     for state in SessionState:
         if state is not SessionState.IDLE:
             assert next_state(state, Trigger.SESSION_CLOSED) is SessionState.IDLE

@@ -21,7 +21,7 @@ from hil.values.fri import (
 )
 from hil.values.outcomes import Outcome
 from transport.fri import fri_pb2, reading, writing
-from transport.fri.framing import FRAME_BYTES, frame, unframe
+from transport.fri.framing import frame, unframe
 
 _HEADER_BYTES = 10
 """Smallest message: a header submessage whose three varints take at least 4, 2 and 2 bytes, and its own tag."""
@@ -69,9 +69,8 @@ class FriCodec:
         size = len(datagram)
         if size > MAX_DATAGRAM_BYTES:
             raise MalformedDatagram(Outcome.TOO_LONG, f"{size} bytes, at most {MAX_DATAGRAM_BYTES} are allowed")
-        least = _HEADER_BYTES + (FRAME_BYTES if self._framed else 0)
-        if size < least:
-            raise MalformedDatagram(Outcome.TOO_SHORT, f"{size} bytes, a message has at least {least}")
+        if size < _HEADER_BYTES:
+            raise MalformedDatagram(Outcome.TOO_SHORT, f"{size} bytes, the smallest message has {_HEADER_BYTES}")
         body = self._body(datagram, from_string, identifier)
         try:
             wire = from_string(body)

@@ -5,13 +5,16 @@ does. A release is configured, never guessed. A client that raises axis 4 by a h
 
     from hil.client.fri import Command, FriClient, FriHandler, FriState, Release
 
-    class Raised(FriHandler):
+    class Raise(FriHandler):
+        raised_rad = 0.0
+
         def command(self, state: FriState) -> Command:
+            self.raised_rad = min(self.raised_rad + 0.02 * state.sample_time_s, 0.01)  # 0.02 rad/s
             position = list(state.interpolator_position_rad)
-            position[3] += 0.01
+            position[3] += self.raised_rad
             return Command(joint_position_rad=tuple(position))
 
-    with FriClient(Raised(), release=Release.V1_15) as client:
+    with FriClient(Raise(), release=Release.V1_15) as client:
         client.run(duration_s=10, silence_s=1)
 
 :class:`AsyncFriClient` is the same with ``async with`` and ``await client.run()``; :class:`ClientSession` is what both
@@ -47,8 +50,10 @@ from hil.values.fri import (
 )
 from hil.values.link import Address
 from hil.values.outcomes import Outcome
+from transport.udp import ANY_HOST
 
 __all__ = [
+    "ANY_HOST",
     "CLIENT_PORT",
     "Address",
     "AsyncFriClient",

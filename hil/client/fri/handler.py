@@ -10,7 +10,7 @@ class FriHandler:
 
     One of ``monitor``, ``wait_for_command`` and ``command`` is called for **every** monitoring message, also for those
     a receive multiplier leaves unanswered: the recorded clients integrate over all of them, with the send period
-    (:attr:`FriState.message_period_s`). An answer carries what the call for the answered message returned.
+    (:attr:`FriState.sample_time_s`). An answer carries what the call for the answered message returned.
     """
 
     robot_state: FriState

@@ -1,5 +1,6 @@
 """What a monitoring message tells the application, read-only."""
 
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import TypeVar
 
@@ -36,23 +37,21 @@ _NO_IPO = "interpolator data come from COMMANDING_WAIT on"
 _ONLY_TWO = "only 2.x has it"
 
 
+@dataclass(frozen=True, slots=True)
 class FriState:
     """One monitoring message of one release. Joint vectors are A1..A7.
 
     What a release does not have, or does not send in the present session state, raises :class:`NotAvailable`.
     """
 
-    __slots__ = ("message", "quality", "release", "session_state")
-
-    def __init__(self, release: Release, message: MonitoringMessage, session_state: SessionState, quality: Quality):
-        self.release = release
-        """Configured release."""
-        self.message = message
-        """The message itself, as it was on the wire."""
-        self.session_state = session_state
-        """Session state."""
-        self.quality = quality
-        """Connection quality, as the controller measures it."""
+    release: Release
+    """Configured release."""
+    message: MonitoringMessage
+    """The message itself, as it was on the wire."""
+    session_state: SessionState
+    """Session state."""
+    quality: Quality
+    """Connection quality, as the controller measures it."""
 
     @property
     def sequence_counter(self) -> int:
@@ -72,12 +71,12 @@ class FriState:
         return 1 if connection is None else max(1, connection.receive_multiplier or 1)
 
     @property
-    def message_period_s(self) -> float:
+    def sample_time_s(self) -> float:
         """Seconds between two callbacks: the send period. What a callback integrates with (vendor: getSampleTime)."""
         return self.send_period_ms * 0.001
 
     @property
-    def sample_time_s(self) -> float:
+    def answer_period_s(self) -> float:
         """Seconds between two answers: send period x receive multiplier."""
         return self.send_period_ms * self.receive_multiplier * 0.001
 

@@ -14,7 +14,7 @@ from hil.core.fri.expected import ExpectedAnswers
 from hil.core.fri.log import SessionLog
 from hil.core.fri.messages import MessageBuilder
 from hil.core.fri.quality import QualityMeter
-from hil.core.fri.sequence import SequenceTracker, counter_distance
+from hil.core.fri.sequence import REMEMBERED, SequenceTracker, counter_distance
 from hil.core.fri.session import Trigger, next_state
 from hil.core.motion.executive import MotionExecutive, Phase
 from hil.core.settings import NS_PER_MS, FriSettings
@@ -65,6 +65,8 @@ class FriLink:
         self._accepted_counter = 0
         self._overlay_not_before_ns = 0
         self._overlay_ended_because = ""
+        self._first_counter_of_state: int | None = None
+        self._client_saw_state = False
         self.counters = PacketCounters()
         self.answer_latency = Histogram()
         self.log = SessionLog(emit=emit)
@@ -98,6 +100,9 @@ class FriLink:
         if admitted.outcome is not Outcome.ACCEPTED:
             self._drop(admitted.outcome, admitted.detail, now_ns)
             return
+        first = self._first_counter_of_state
+        if first is not None and counter_distance(first, message.reflected_sequence_counter) < REMEMBERED:
+            self._client_saw_state = True
         refusal = self._take(message, now_ns)
         if refusal is None:
             self.counters.accepted()
@@ -147,6 +152,8 @@ class FriLink:
 
     def _encode(self, arm: ArmState, *, now_ns: int, sent_ns: int) -> bytes:
         counter = self._tracker.sent(at_ns=sent_ns)
+        if self._first_counter_of_state is None:
+            self._first_counter_of_state = counter
         self._expected.sent(counter, at_ns=sent_ns)
         self.counters.sent += 1
         return self._codec.encode_monitoring(
@@ -267,6 +274,8 @@ class FriLink:
         if self.quality < Quality.GOOD:
             self._go(Trigger.QUALITY_LOST, f"quality {self.quality.name}: {self._meter.describe()}", now_ns)
             return
+        if not self._client_saw_state:
+            return
         if refusal := self._no_overlay_because(now_ns, allow_overlay=allow_overlay):
             self.log.refuse(SessionState.COMMANDING_WAIT, refusal, key=refusal, now_ns=now_ns)
             return
@@ -306,3 +315,5 @@ class FriLink:
 
     def _go(self, trigger: Trigger, reason: str, now_ns: int) -> None:
         self.log.enter(next_state(self.log.state, trigger), self.quality, reason, now_ns=now_ns)
+        self._first_counter_of_state = None
+        self._client_saw_state = False

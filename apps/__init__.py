@@ -1,0 +1,1 @@
+"""Application processes; they import :mod:`hil.client` and nothing else of the project."""
