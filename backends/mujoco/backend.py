@@ -7,6 +7,8 @@ Measured torque is the link side of the gear, actuation minus the torque that ac
 the facts (4.4). Not modelled: contact, joint elasticity, gear friction, sensor offset, position noise.
 """
 
+from typing import TYPE_CHECKING
+
 import mujoco
 import numpy as np
 
@@ -18,6 +20,9 @@ from hil.values.errors import BackendError
 from hil.values.fri import ControlMode, DriveState
 from hil.values.robot import JOINT_COUNT, RobotDescription
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
 _STEP_NS = 1_000_000
 _ACTIVE = (DriveState.ACTIVE,) * JOINT_COUNT
 
@@ -26,21 +31,26 @@ LOOP_FREQUENCY_RAD_S = 100.0
 
 
 class MujocoBackend(InProcessBackend):
-    """One arm in one MuJoCo world; ``seed`` is that of the sensor noise."""
+    """One arm in one MuJoCo world; ``seed`` is that of the sensor noise. MuJoCo keeps the motors' torque limits."""
 
     def __init__(self, description: RobotDescription, *, seed: int = 0) -> None:
         super().__init__()
-        self._description = description
         self._model = load_mujoco(description.name)
         self._model.opt.timestep = _STEP_NS * 1e-9
-        self._data = mujoco.MjData(self._model)
+        self._data = data = mujoco.MjData(self._model)
+        # Each of these attributes makes a new view of MuJoCo's memory; one for good is cheaper than one a cycle.
+        self._position: NDArray[np.float64] = data.qpos
+        self._rate: NDArray[np.float64] = data.qvel
+        self._bias: NDArray[np.float64] = data.qfrc_bias
+        self._actuation: NDArray[np.float64] = data.qfrc_actuator
+        self._applied: NDArray[np.float64] = data.qfrc_applied
+        self._rate_change: NDArray[np.float64] = data.qacc
+        self._motor: NDArray[np.float64] = data.ctrl
+        self._armature: NDArray[np.float64] = self._model.dof_armature.copy()
         self._sensors = TorqueSensors(seed=seed)
         self._steps = 1
         self._time = 0.0
-        self._acceleration = np.zeros(JOINT_COUNT)
         self._torque = np.zeros(JOINT_COUNT)
-        self._torque_limit = np.array(description.limits.torque_nm)
-        self._armature = self._model.dof_armature.copy()
         self._from = np.array(description.initial_position_rad)
         self._to = self._from.copy()
         self._velocity = np.zeros(JOINT_COUNT)
@@ -58,20 +68,18 @@ class MujocoBackend(InProcessBackend):
 
     def _open(self, period_ns: int) -> None:
         self._steps = period_ns // _STEP_NS
-        data = self._data
-        data.qpos[:] = self._from
-        data.qvel[:] = 0.0
-        mujoco.mj_forward(self._model, data)
-        data.ctrl[:] = data.qfrc_bias
-        mujoco.mj_forward(self._model, data)
+        self._position[:] = self._from
+        self._rate[:] = 0.0
+        mujoco.mj_forward(self._model, self._data)
+        self._motor[:] = self._bias
+        mujoco.mj_forward(self._model, self._data)
 
     def _read(self) -> ArmState:
-        data = self._data
-        actuation = data.qfrc_actuator
-        measured, external = self._sensors.sense(self._armature * data.qacc - actuation, data.qfrc_applied)
+        actuation = self._actuation
+        measured, external = self._sensors.sense(self._armature * self._rate_change - actuation, self._applied)
         return ArmState(
-            tuple(data.qpos.tolist()),
-            tuple(data.qvel.tolist()),
+            tuple(self._position.tolist()),
+            tuple(self._rate.tolist()),
             tuple(measured.tolist()),
             tuple(external.tolist()),
             tuple((-actuation).tolist()),
@@ -84,21 +92,18 @@ class MujocoBackend(InProcessBackend):
 
     def _step(self) -> None:
         model, data = self._model, self._data
-        stride = (self._to - self._from) / self._steps
         for index in range(self._steps):
             mujoco.mj_step1(model, data)
-            self._control(self._from + index * stride)
+            self._control(self._from if index == 0 else self._from + (self._to - self._from) * (index / self._steps))
             mujoco.mj_step2(model, data)
         # MuJoCo answers a diverged state by starting over at time zero.
         if data.time < self._time:
             raise BackendError(f"MuJoCo diverged at simulation time {self._time:.3f} s")
         self._time = data.time
 
-    def _control(self, reference: "np.ndarray[tuple[int], np.dtype[np.float64]]") -> None:
-        data = self._data
-        self._acceleration[:] = LOOP_FREQUENCY_RAD_S * LOOP_FREQUENCY_RAD_S * (
-            reference - data.qpos
-        ) + 2.0 * LOOP_FREQUENCY_RAD_S * (self._velocity - data.qvel)
-        mujoco.mj_mulM(self._model, data, self._torque, self._acceleration)
-        self._torque += data.qfrc_bias
-        data.ctrl[:] = np.clip(self._torque, -self._torque_limit, self._torque_limit)
+    def _control(self, reference: "NDArray[np.float64]") -> None:
+        acceleration = (reference - self._position) * (LOOP_FREQUENCY_RAD_S * LOOP_FREQUENCY_RAD_S) + (
+            self._velocity - self._rate
+        ) * (2.0 * LOOP_FREQUENCY_RAD_S)
+        mujoco.mj_mulM(self._model, self._data, self._torque, acceleration)
+        np.add(self._torque, self._bias, out=self._motor)

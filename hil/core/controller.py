@@ -71,7 +71,7 @@ class Controller:
             ("safety on the set point", self._check_set_point),
             ("backend", self._move),
             ("safety on the measured state", self._check_measured),
-            ("encode", self._send),
+            ("send", self._send),
         )
         self.initial_position_rad = self._arm.position_rad
         self.ticks = 0

@@ -10,7 +10,7 @@ from hil.core.model import ArmModel
 from hil.core.settings import NS_PER_MS
 from hil.values.arm import Backend
 from hil.values.errors import UnknownName
-from hil.values.fri import CLIENT_PORT
+from hil.values.fri import CLIENT_PORT, ControllerCodec
 from hil.values.link import Address
 from hil.values.robot import RobotDescription
 from transport.fri import FriCodec
@@ -82,14 +82,18 @@ def make_controller(
     *,
     unix_epoch_ns: int,
     fri_peer: Address | None,
+    codec: ControllerCodec | None = None,
     on_stage: Callable[[str], None] | None = None,
 ) -> Controller:
-    """Return the controller of a robot whose core time 0 is ``unix_epoch_ns``; cheap, to be done at the start."""
+    """Return the controller of a robot whose core time 0 is ``unix_epoch_ns``; cheap, to be done at the start.
+
+    ``codec`` takes the place of the one the configuration names.
+    """
     return Controller(
         config.settings(unix_epoch_ns=unix_epoch_ns, fri_peer=fri_peer),
         description=parts.description,
         model=parts.model,
         backend=parts.backend,
-        codec=None if config.fri is None else FriCodec(config.fri.release),
+        codec=FriCodec(config.fri.release) if codec is None and config.fri is not None else codec,
         on_stage=on_stage,
     )

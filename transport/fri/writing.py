@@ -77,9 +77,10 @@ def _robot(wire: fri_pb2.RobotInfo, robot: RobotInfo) -> None:
 def _vector(
     wire: fri_pb2.JointValues | fri_pb2.CartesianVector | fri_pb2.CommandedWrench, values: Vector | None
 ) -> None:
-    if values is not None:
-        wire.SetInParent()
+    if values:
         wire.value.extend(values)
+    elif values is not None:
+        wire.SetInParent()
 
 
 def _monitor(wire: fri_pb2.MonitorData, monitor: MonitorData) -> None:

@@ -52,24 +52,30 @@ def within_limits(target: Seven, previous: Seven, *, elapsed_s: float, limits: J
     of bounds outside the axis range, when the step is faster than the axis may move, and when the arm, moving that
     fast, could not stop before the end of the axis range with its rated deceleration.
     """
-    for axis in range(JOINT_COUNT):
-        low, high = limits.position_min_rad[axis], limits.position_max_rad[axis]
-        value = target[axis]
+    rows = zip(
+        target,
+        previous,
+        limits.position_min_rad,
+        limits.position_max_rad,
+        limits.velocity_rad_s,
+        limits.acceleration_rad_s2,
+        strict=True,
+    )
+    for axis, (value, before, low, high, fastest, deceleration) in enumerate(rows):
         if not low <= value <= high:
             return Refusal(
                 Outcome.AXIS_LIMIT, f"{JOINT_NAMES[axis]} to {value:.4f} rad, its range is {low:.4f}..{high:.4f} rad"
             )
-        speed = (value - previous[axis]) / elapsed_s
-        if speed == 0.0:
+        if value == before:
             continue
-        if abs(speed) > limits.velocity_rad_s[axis] * (1 + VELOCITY_TOLERANCE):
+        speed = (value - before) / elapsed_s
+        if abs(speed) > fastest * (1 + VELOCITY_TOLERANCE):
             return Refusal(
                 Outcome.AXIS_VELOCITY,
-                f"{JOINT_NAMES[axis]} steps {value - previous[axis]:+.4f} rad in {elapsed_s * 1e3:g} ms, "
-                f"{abs(speed):.3f} rad/s; its limit is {limits.velocity_rad_s[axis]:.3f} rad/s",
+                f"{JOINT_NAMES[axis]} steps {value - before:+.4f} rad in {elapsed_s * 1e3:g} ms, "
+                f"{abs(speed):.3f} rad/s; its limit is {fastest:.3f} rad/s",
             )
-        room = high - value if speed > 0 else value - low
-        if speed * speed > 2 * limits.acceleration_rad_s2[axis] * room:
+        if speed * speed > 2 * deceleration * (high - value if speed > 0 else value - low):
             return Refusal(
                 Outcome.AXIS_LIMIT,
                 f"{JOINT_NAMES[axis]} at {value:.4f} rad moves {speed:+.3f} rad/s and could not stop "

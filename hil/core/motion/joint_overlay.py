@@ -1,7 +1,9 @@
 """Joint position overlay on a position hold: the client's positions, spread over the time between two of them."""
 
+from operator import add
+
 from hil.core.motion.set_point import STILL, SetPoint
-from hil.values.robot import JOINT_COUNT, JointLimits, Seven
+from hil.values.robot import JointLimits, Seven
 
 
 class JointOverlay:
@@ -14,9 +16,8 @@ class JointOverlay:
 
     def __init__(self, start: SetPoint, *, limits: JointLimits, cycle_s: float, cycles_per_target: int) -> None:
         self._position = start.position_rad
-        self._velocity = STILL
-        self._limits = limits
         self._cycle_s = cycle_s
+        self._step_limit = [limit * cycle_s for limit in limits.velocity_rad_s]
         self._cycles_per_target = cycles_per_target
         self._target = start.position_rad
         self._cycles_left = 0
@@ -40,7 +41,6 @@ class JointOverlay:
     def interpolate(self) -> SetPoint:
         """Return the set point of the next cycle."""
         if self._cycles_left == 0:
-            self._velocity = STILL
             self.tracking_performance = 1.0
             return SetPoint(self._position, STILL)
         scale = 1.0 / self._cycles_left
@@ -49,23 +49,19 @@ class JointOverlay:
         self.tracking_performance = slowed
         if slowed < 1.0:
             step = [part * slowed for part in step]
-            self._position = tuple(here + part for here, part in zip(self._position, step, strict=True))  # type: ignore[assignment]
-            self._cycles_left = max(1, self._cycles_left - 1)
+        if slowed == 1.0 and self._cycles_left == 1:
+            self._position = self._target
         else:
+            self._position = tuple(map(add, self._position, step))  # type: ignore[assignment]
+        if slowed == 1.0 or self._cycles_left > 1:
             self._cycles_left -= 1
-            self._position = (
-                self._target
-                if self._cycles_left == 0
-                else tuple(here + part for here, part in zip(self._position, step, strict=True))  # type: ignore[assignment]
-            )
-        self._velocity = tuple(part / self._cycle_s for part in step)  # type: ignore[assignment]
-        return SetPoint(self._position, self._velocity)
+        rate = 1.0 / self._cycle_s
+        return SetPoint(self._position, tuple([part * rate for part in step]))  # type: ignore[arg-type]
 
     def _slowdown(self, step: list[float]) -> float:
         """Return the factor, at most 1, that brings every axis to its velocity limit or below."""
         worst = 1.0
-        for axis in range(JOINT_COUNT):
-            allowed = self._limits.velocity_rad_s[axis] * self._cycle_s
-            if abs(step[axis]) > allowed * worst:
-                worst = abs(step[axis]) / allowed
+        for part, allowed in zip(step, self._step_limit, strict=True):
+            if abs(part) > allowed * worst:
+                worst = abs(part) / allowed
         return 1.0 / worst

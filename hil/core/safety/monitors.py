@@ -10,7 +10,7 @@ from hil.core.model import ArmModel
 from hil.core.motion.set_point import SetPoint
 from hil.values.arm import ArmState
 from hil.values.fri import OperationMode
-from hil.values.robot import JOINT_COUNT, JOINT_NAMES, JointLimits
+from hil.values.robot import JOINT_NAMES, JointLimits
 
 T1_SPEED_LIMIT_MM_S = 250.0
 _RANGE_TOLERANCE_RAD = 1e-9
@@ -24,7 +24,11 @@ class Monitors:
     """Returns the reason for a stop in words, or None."""
 
     def __init__(self, *, limits: JointLimits, model: ArmModel, operation_mode: OperationMode) -> None:
-        self._limits = limits
+        self._bounds = (
+            [low - _RANGE_TOLERANCE_RAD for low in limits.position_min_rad],
+            [high + _RANGE_TOLERANCE_RAD for high in limits.position_max_rad],
+            [fastest * (1 + _SPEED_TOLERANCE) for fastest in limits.velocity_rad_s],
+        )
         self._model = model
         self._t1 = operation_mode is OperationMode.T1
         self.flange_speed_mm_s = 0.0
@@ -32,20 +36,18 @@ class Monitors:
 
     def set_point(self, set_point: SetPoint) -> str | None:
         """Check a set point that is about to be handed to the backend."""
-        limits = self._limits
+        rows = zip(set_point.position_rad, set_point.velocity_rad_s, *self._bounds, strict=True)
         moving = False
-        for axis in range(JOINT_COUNT):
-            position = set_point.position_rad[axis]
-            low, high = limits.position_min_rad[axis], limits.position_max_rad[axis]
-            if not low - _RANGE_TOLERANCE_RAD <= position <= high + _RANGE_TOLERANCE_RAD:
+        for axis, (position, velocity, low, high, fastest) in enumerate(rows):
+            if not low <= position <= high:
                 return f"set point of {JOINT_NAMES[axis]} {position:.4f} rad is outside {low:.4f}..{high:.4f} rad"
-            speed = abs(set_point.velocity_rad_s[axis])
-            if not speed <= limits.velocity_rad_s[axis] * (1 + _SPEED_TOLERANCE):
-                return (
-                    f"set point of {JOINT_NAMES[axis]} moves {speed:.4f} rad/s, "
-                    f"its limit is {limits.velocity_rad_s[axis]:.4f} rad/s"
-                )
-            moving = moving or speed > 0.0
+            if velocity:
+                moving = True
+                if not -fastest <= velocity <= fastest:
+                    return (
+                        f"set point of {JOINT_NAMES[axis]} moves {velocity:+.4f} rad/s, "
+                        f"its limit is {fastest:.4f} rad/s"
+                    )
         if self._t1 and moving:
             flange = self._model.flange_speed_mm_s(set_point.position_rad, set_point.velocity_rad_s)
             if flange > T1_SPEED_LIMIT_MM_S:

@@ -1,0 +1,223 @@
+"""``hil bench cycle``: what one control cycle costs, whole and by stage, in virtual time with a client answering.
+
+Two passes over the same work. The first measures whole cycles, from the client's answer to the datagram that is ready
+to be sent; the second asks the core to report its stages, which costs a little itself, so the stages add up to more.
+"""
+
+import gc
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from apps.fri_joint_sine import JointSine
+from hil.client.fri import ClientSession
+from hil.config.station import RobotConfig
+from hil.core.controller import FRI_LINK, Controller
+from hil.runtime.assembly import RobotParts, make_controller, open_parts
+from hil.runtime.clock import elapsed_ns
+from hil.values.errors import ConfigurationError
+from hil.values.fri import CommandMessage, ControllerCodec, MonitoringMessage, Release, SessionState
+from hil.values.link import Address, Source
+from tools.bench.bounds import CYCLE_MEDIAN_US, VIRTUAL_TIME_FACTOR, Bound, at_least, at_most
+from transport.fri import FriCodec
+
+_PEER = Address("127.0.0.1", 30200)
+_SOURCE = Source(FRI_LINK, _PEER)
+_ANSWER_NS = 200_000
+WARM_UP_CYCLES = 2500
+"""Long enough in virtual time to get through the quality levels into COMMANDING_ACTIVE."""
+
+
+@dataclass(frozen=True, slots=True)
+class Distribution:
+    """Median and tail in microseconds."""
+
+    p50_us: float
+    p99_us: float
+    max_us: float
+
+    @staticmethod
+    def of(samples_ns: Sequence[int]) -> "Distribution":
+        """Return the distribution of a series."""
+        p50, p99, largest = np.quantile(np.array(samples_ns, dtype=np.float64), (0.5, 0.99, 1.0)) / 1000
+        return Distribution(round(float(p50), 2), round(float(p99), 2), round(float(largest), 1))
+
+
+@dataclass(frozen=True, slots=True)
+class CycleReport:
+    """One benchmark run."""
+
+    robot: str
+    backend: str
+    release: str
+    cycles: int
+    cycle: Distribution
+    stages: dict[str, Distribution]
+    virtual_time_factor: float
+    virtual_time_factor_with_client: float
+
+    def bounds(self) -> list[Bound]:
+        """Return the figures that have a bound."""
+        return [
+            at_most("one cycle, median", self.cycle.p50_us, CYCLE_MEDIAN_US, "us"),
+            at_least("virtual time", self.virtual_time_factor, VIRTUAL_TIME_FACTOR, "x real time"),
+        ]
+
+
+class _TimedCodec:
+    """A codec that remembers what it cost."""
+
+    def __init__(self, codec: ControllerCodec) -> None:
+        self._codec = codec
+        self.decode_ns = 0
+        self.encode_ns = 0
+
+    @property
+    def release(self) -> Release:
+        return self._codec.release
+
+    def encode_monitoring(self, message: MonitoringMessage) -> bytes:
+        before = elapsed_ns()
+        datagram = self._codec.encode_monitoring(message)
+        self.encode_ns = elapsed_ns() - before
+        return datagram
+
+    def decode_command(self, datagram: bytes) -> CommandMessage:
+        before = elapsed_ns()
+        message = self._codec.decode_command(datagram)
+        self.decode_ns = elapsed_ns() - before
+        return message
+
+
+class _Loop:
+    """A controller and a joint sine client, one answer a cycle."""
+
+    def __init__(self, config: RobotConfig, parts: RobotParts, *, on_stage: Callable[[str], None] | None) -> None:
+        if config.fri is None:
+            raise ConfigurationError("the benchmark needs an FRI link")
+        self.codec = _TimedCodec(FriCodec(config.fri.release))
+        self.controller: Controller = make_controller(
+            config,
+            parts,
+            unix_epoch_ns=1_700_000_000 * 10**9,
+            fri_peer=_PEER,
+            codec=self.codec if on_stage is not None else None,
+            on_stage=on_stage,
+        )
+        self._client = ClientSession(config.fri.release, JointSine())
+        self._period_ns = config.cycle_ms * 1_000_000
+        self._now_ns = 0
+        self._answer: bytes | None = None
+
+    def cycle(self) -> tuple[int, int]:
+        """Run one cycle; return what receiving and ticking cost in ns. The client's work is not in it."""
+        controller = self.controller
+        before = elapsed_ns()
+        if self._answer is not None:
+            controller.receive(self._answer, _SOURCE, now_ns=self._now_ns - self._period_ns + _ANSWER_NS)
+        received = elapsed_ns()
+        controller.tick(now_ns=self._now_ns)
+        outgoing = controller.outgoing()
+        controller.events()
+        ticked = elapsed_ns()
+        self._answer = self._client.receive(outgoing[0].payload) if outgoing else None
+        self._now_ns += self._period_ns
+        return received - before, ticked - received
+
+    def warm_up(self) -> None:
+        """Get the session to COMMANDING_ACTIVE; raise if that does not happen."""
+        for _ in range(WARM_UP_CYCLES):
+            self.cycle()
+        fri = self.controller.fri
+        if fri is None or fri.state is not SessionState.COMMANDING_ACTIVE:
+            raise ConfigurationError("the benchmark did not reach COMMANDING_ACTIVE; use a send period of one cycle")
+        gc.collect()
+        gc.freeze()
+
+
+def bench_cycle(config: RobotConfig, *, cycles: int, progress: Callable[[int], None]) -> CycleReport:
+    """Measure ``cycles`` cycles twice; ``progress`` is told how many are done."""
+    if config.fri is None:
+        raise ConfigurationError("the benchmark needs an FRI link")
+    whole, elapsed = _measure_whole(config, cycles, progress)
+    stages = _measure_stages(config, cycles, progress)
+    virtual_ns = cycles * config.cycle_ms * 1_000_000
+    return CycleReport(
+        robot=config.model,
+        backend=config.backend,
+        release=config.fri.release.value,
+        cycles=cycles,
+        cycle=Distribution.of(whole),
+        stages={name: Distribution.of(samples) for name, samples in stages.items()},
+        virtual_time_factor=round(virtual_ns / sum(whole), 1),
+        virtual_time_factor_with_client=round(virtual_ns / elapsed, 1),
+    )
+
+
+def _measure_whole(config: RobotConfig, cycles: int, progress: Callable[[int], None]) -> tuple[list[int], int]:
+    parts = open_parts(config)
+    try:
+        loop = _Loop(config, parts, on_stage=None)
+        loop.warm_up()
+        samples: list[int] = []
+        before = elapsed_ns()
+        for done in range(cycles):
+            samples.append(sum(loop.cycle()))
+            if done % 1000 == 0:
+                progress(done)
+        return samples, elapsed_ns() - before
+    finally:
+        parts.backend.close()
+
+
+def _measure_stages(config: RobotConfig, cycles: int, progress: Callable[[int], None]) -> dict[str, list[int]]:
+    parts = open_parts(config)
+    stages: dict[str, list[int]] = {"decode": [], "admission": []}
+    last_ns = 0
+
+    def on_stage(name: str) -> None:
+        nonlocal last_ns
+        now_ns = elapsed_ns()
+        stages.setdefault(name, []).append(now_ns - last_ns)
+        last_ns = elapsed_ns()
+
+    try:
+        loop = _Loop(config, parts, on_stage=on_stage)
+        loop.warm_up()
+        stages.update({name: [] for name in stages})
+        encode: list[int] = []
+        for done in range(cycles):
+            last_ns = elapsed_ns()
+            receive_ns, _ = loop.cycle()
+            stages["decode"].append(loop.codec.decode_ns)
+            stages["admission"].append(receive_ns - loop.codec.decode_ns)
+            stages["read"][-1] -= receive_ns
+            encode.append(loop.codec.encode_ns)
+            if done % 1000 == 0:
+                progress(cycles + done)
+        stages["message"] = [whole - part for whole, part in zip(stages.pop("send"), encode, strict=True)]
+        stages["encode"] = encode
+        return stages
+    finally:
+        parts.backend.close()
+
+
+def as_dict(report: CycleReport) -> dict[str, Any]:
+    """Return the report for JSON."""
+    return {
+        "robot": report.robot,
+        "backend": report.backend,
+        "release": report.release,
+        "cycles": report.cycles,
+        "cycle_us": _figures(report.cycle),
+        "stages_us": {name: _figures(stage) for name, stage in report.stages.items()},
+        "virtual_time_factor": report.virtual_time_factor,
+        "virtual_time_factor_with_client": report.virtual_time_factor_with_client,
+        "bounds": [bound._asdict() for bound in report.bounds()],
+    }
+
+
+def _figures(distribution: Distribution) -> dict[str, float]:
+    return {"p50": distribution.p50_us, "p99": distribution.p99_us, "max": distribution.max_us}
