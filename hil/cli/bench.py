@@ -51,10 +51,6 @@ def cycle(
     table.add_section()
     table.add_row("whole cycle, measured without the stages", *_numbers(found["cycle_us"]))
     console.print(table)
-    console.print(
-        f"virtual time: {report.virtual_time_factor} x real time, "
-        f"{report.virtual_time_factor_with_client} x with the Python client in the same thread"
-    )
     _print_bounds(console, report.bounds())
 
 

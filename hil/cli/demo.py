@@ -1,1 +1,120 @@
-def demo(): ...
+"""``hil demo``: controller with its arm, and an FRI client, as two processes that talk UDP; ends with a picture."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from hil.values.errors import ConfigurationError, EndpointError
+from hil.values.fri import Release
+
+_POLL_S = 0.1
+
+
+def demo(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for status, capture, picture and logs.")] = Path(
+        "out"
+    ),
+    seconds: Annotated[float, typer.Option(min=3.0, help="Length of the run.")] = 10.0,
+    robot: Annotated[str, typer.Option(help="Robot model.")] = "lbr-iiwa-14-r820",
+    backend: Annotated[str, typer.Option(help="Robot side.")] = "mujoco",
+    fri_version: Annotated[Release, typer.Option(help="FRI release of the client.")] = Release.V1_15,
+) -> None:
+    """Let a sample FRI client move axis 4 of a simulated arm by a sine, over UDP at 1 kHz, and show what happened."""
+    from tools.bench.rate import free_port
+
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(f"cannot make the folder {out}: {error.strerror}") from error
+    status, capture, picture = out / "status.json", out / "run.pcapng", out / "run.png"
+    console = Console()
+    port = free_port()
+    client_arguments = [
+        *("-m", "apps.fri_joint_sine", "--fri-version", fri_version.value, "--bind", "127.0.0.1"),
+        *("--port", port, "--seconds", seconds + 10, "--json", out / "client.json"),
+    ]
+    controller_arguments = [
+        *("-m", "hil.cli.main", "run", "--robot", robot, "--backend", backend, "--fri-version", fri_version.value),
+        *("--fri-client", f"127.0.0.1:{port}", "--duration", seconds, "--progress", 0),
+        *("--status-json", status, "--capture", capture),
+    ]
+    console.print(f"client:     python {' '.join(map(str, client_arguments))}", style="dim", soft_wrap=True)
+    console.print(f"controller: python {' '.join(map(str, controller_arguments))}", style="dim", soft_wrap=True)
+    with (
+        _process(client_arguments, out / "client.log") as client,
+        _process(controller_arguments, out / "controller.log") as controller,
+    ):
+        _show_progress(controller, out / "controller.log", seconds)
+        _expect_end(controller, "controller", out / "controller.log")
+        _expect_end(client, "client", out / "client.log")
+
+    from hil.cli.summary import print_summary
+    from tools.plot_run import plot_run
+
+    figures = json.loads(status.read_text(encoding="utf-8"))
+    with console.status("drawing"):
+        plot_run(capture, figures, picture)
+    print_summary(figures)
+    for file, what in (
+        (picture, "commanded and measured motion, session states, answer latency"),
+        (status, "all figures of the run"),
+        (capture, "every packet; open it with Wireshark"),
+        (out / "controller.log", "what the controller said"),
+        (out / "client.json", "what the client saw"),
+    ):
+        console.print(f"  {file}  [dim]{what}[/dim]", highlight=False)
+
+
+@contextmanager
+def _process(arguments: Sequence[object], log: Path) -> Iterator["subprocess.Popen[bytes]"]:
+    with log.open("wb") as stream:
+        process = subprocess.Popen([sys.executable, *map(str, arguments)], stdout=stream, stderr=subprocess.STDOUT)
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.terminate()
+            try:
+                process.wait(5)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+def _show_progress(controller: "subprocess.Popen[bytes]", log: Path, seconds: float) -> None:
+    columns = (BarColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("starting", total=seconds + 1)
+        waited_s = 0.0
+        while waited_s < seconds + 30:
+            try:
+                controller.wait(_POLL_S)
+            except subprocess.TimeoutExpired:
+                waited_s += _POLL_S
+                bar.update(task, completed=min(waited_s, seconds + 1), description=_last_state(log))
+            else:
+                bar.update(task, completed=seconds + 1)
+                return
+
+
+def _last_state(log: Path) -> str:
+    lines = [line for line in log.read_text(encoding="utf-8", errors="replace").splitlines() if " -> " in line]
+    return lines[-1].partition(": ")[2].partition(":")[0] if lines else "starting"
+
+
+def _expect_end(process: "subprocess.Popen[bytes]", name: str, log: Path) -> None:
+    try:
+        code = process.wait(20)
+    except subprocess.TimeoutExpired:
+        raise EndpointError(f"the {name} did not end; see {log}") from None
+    if code != 0:
+        said = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+        raise EndpointError(f"the {name} ended with exit code {code}: {said[-1] if said else 'it said nothing'}")

@@ -1,15 +1,11 @@
 """Kinematics of one arm, by Pinocchio: flange pose and flange speed. Frames: flange in robot base, metres."""
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio
 
 from hil.values.robot import Seven
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 
 class ArmModel:
@@ -35,8 +31,6 @@ class ArmModel:
         """Return the speed of the flange's origin in mm/s."""
         pinocchio.forwardKinematics(self._model, self._data, np.array(position_rad), np.array(velocity_rad_s))
         self._at = position_rad
-        velocity: NDArray[np.float64] = pinocchio.getFrameVelocity(
-            self._model, self._data, self._frame, pinocchio.LOCAL
-        ).linear
-        x, y, z = velocity
+        velocity = pinocchio.getFrameVelocity(self._model, self._data, self._frame, pinocchio.LOCAL)
+        x, y, z = velocity.linear.tolist()
         return 1e3 * math.sqrt(x * x + y * y + z * z)

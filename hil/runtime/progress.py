@@ -1,7 +1,6 @@
 """One line about a running robot, for the terminal."""
 
 from hil.runtime.robot_process import RobotProcess
-from hil.values.outcomes import Outcome
 
 
 def progress_line(robot: RobotProcess, *, elapsed_s: float, duration_s: float | None) -> str:
@@ -19,7 +18,7 @@ def progress_line(robot: RobotProcess, *, elapsed_s: float, duration_s: float | 
     fri = controller.fri
     if fri is not None:
         counters = fri.counters
-        dropped = counters.received - counters.by_outcome[Outcome.ACCEPTED]
+        dropped = counters.received - counters.accepted_count
         parts[2:2] = [f"{fri.state.name} {fri.quality.name}"]
-        parts.append(f"sent {counters.sent}, accepted {counters.by_outcome[Outcome.ACCEPTED]}, dropped {dropped}")
+        parts.append(f"sent {counters.sent}, accepted {counters.accepted_count}, dropped {dropped}")
     return " | ".join(parts)

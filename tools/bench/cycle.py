@@ -1,7 +1,8 @@
-"""``hil bench cycle``: what one control cycle costs, whole and by stage, in virtual time with a client answering.
+"""``hil bench cycle``: what one control cycle costs, whole and by stage, in virtual time.
 
-Two passes over the same work. The first measures whole cycles, from the client's answer to the datagram that is ready
-to be sent; the second asks the core to report its stages, which costs a little itself, so the stages add up to more.
+The client's answers are recorded beforehand, so that nothing but the controller runs in the measured loop, as in
+replay. Two passes over the same work. The first measures whole cycles, from the client's answer to the datagram that
+is ready to be sent; the second asks the core to report its stages, which costs a little itself: they add up to more.
 """
 
 import gc
@@ -56,7 +57,6 @@ class CycleReport:
     cycle: Distribution
     stages: dict[str, Distribution]
     virtual_time_factor: float
-    virtual_time_factor_with_client: float
 
     def bounds(self) -> list[Bound]:
         """Return the figures that have a bound."""
@@ -92,44 +92,47 @@ class _TimedCodec:
 
 
 class _Loop:
-    """A controller and a joint sine client, one answer a cycle."""
+    """A controller that gets one recorded answer a cycle."""
 
-    def __init__(self, config: RobotConfig, parts: RobotParts, *, on_stage: Callable[[str], None] | None) -> None:
-        if config.fri is None:
-            raise ConfigurationError("the benchmark needs an FRI link")
-        self.codec = _TimedCodec(FriCodec(config.fri.release))
+    def __init__(
+        self,
+        config: RobotConfig,
+        parts: RobotParts,
+        *,
+        codec: ControllerCodec | None = None,
+        on_stage: Callable[[str], None] | None = None,
+    ) -> None:
         self.controller: Controller = make_controller(
             config,
             parts,
             unix_epoch_ns=1_700_000_000 * 10**9,
             fri_peer=_PEER,
-            codec=self.codec if on_stage is not None else None,
+            codec=codec,
             on_stage=on_stage,
         )
-        self._client = ClientSession(config.fri.release, JointSine())
         self._period_ns = config.cycle_ms * 1_000_000
         self._now_ns = 0
-        self._answer: bytes | None = None
+        self.sent: list[bytes] = []
 
-    def cycle(self) -> tuple[int, int]:
-        """Run one cycle; return what receiving and ticking cost in ns. The client's work is not in it."""
+    def cycle(self, answer: bytes | None) -> tuple[int, int]:
+        """Receive ``answer``, run one cycle; return what each cost in ns."""
         controller = self.controller
         before = elapsed_ns()
-        if self._answer is not None:
-            controller.receive(self._answer, _SOURCE, now_ns=self._now_ns - self._period_ns + _ANSWER_NS)
+        if answer is not None:
+            controller.receive(answer, _SOURCE, now_ns=self._now_ns - self._period_ns + _ANSWER_NS)
         received = elapsed_ns()
         controller.tick(now_ns=self._now_ns)
         outgoing = controller.outgoing()
         controller.events()
         ticked = elapsed_ns()
-        self._answer = self._client.receive(outgoing[0].payload) if outgoing else None
+        self.sent = [datagram.payload for datagram in outgoing]
         self._now_ns += self._period_ns
         return received - before, ticked - received
 
-    def warm_up(self) -> None:
+    def warm_up(self, answers: Sequence[bytes | None]) -> None:
         """Get the session to COMMANDING_ACTIVE; raise if that does not happen."""
-        for _ in range(WARM_UP_CYCLES):
-            self.cycle()
+        for answer in answers:
+            self.cycle(answer)
         fri = self.controller.fri
         if fri is None or fri.state is not SessionState.COMMANDING_ACTIVE:
             raise ConfigurationError("the benchmark did not reach COMMANDING_ACTIVE; use a send period of one cycle")
@@ -137,43 +140,67 @@ class _Loop:
         gc.freeze()
 
 
+def _record_answers(config: RobotConfig, cycles: int) -> list[bytes | None]:
+    """Return what a joint sine client answers, cycle by cycle; the ideal arm will do, it changes no answer."""
+    if config.fri is None:
+        raise ConfigurationError("the benchmark needs an FRI link")
+    client = ClientSession(config.fri.release, JointSine())
+    config = config.model_copy(update={"backend": "ideal"})
+    parts = open_parts(config)
+    answers: list[bytes | None] = [None]
+    try:
+        loop = _Loop(config, parts)
+        for _ in range(WARM_UP_CYCLES + cycles):
+            loop.cycle(answers[-1])
+            answers.append(client.receive(loop.sent[0]) if loop.sent else None)
+    finally:
+        parts.backend.close()
+    return answers
+
+
 def bench_cycle(config: RobotConfig, *, cycles: int, progress: Callable[[int], None]) -> CycleReport:
     """Measure ``cycles`` cycles twice; ``progress`` is told how many are done."""
     if config.fri is None:
         raise ConfigurationError("the benchmark needs an FRI link")
-    whole, elapsed = _measure_whole(config, cycles, progress)
-    stages = _measure_stages(config, cycles, progress)
-    virtual_ns = cycles * config.cycle_ms * 1_000_000
+    if config.fri is None:
+        raise ConfigurationError("the benchmark needs an FRI link")
+    release = config.fri.release.value
+    answers = _record_answers(config, cycles)
+    whole = _measure_whole(config, answers, progress)
+    stages = _measure_stages(config, answers, progress)
     return CycleReport(
         robot=config.model,
         backend=config.backend,
-        release=config.fri.release.value,
+        release=release,
         cycles=cycles,
         cycle=Distribution.of(whole),
         stages={name: Distribution.of(samples) for name, samples in stages.items()},
-        virtual_time_factor=round(virtual_ns / sum(whole), 1),
-        virtual_time_factor_with_client=round(virtual_ns / elapsed, 1),
+        virtual_time_factor=round(cycles * config.cycle_ms * 1e6 / sum(whole), 1),
     )
 
 
-def _measure_whole(config: RobotConfig, cycles: int, progress: Callable[[int], None]) -> tuple[list[int], int]:
+def _measure_whole(config: RobotConfig, answers: Sequence[bytes | None], progress: Callable[[int], None]) -> list[int]:
     parts = open_parts(config)
     try:
-        loop = _Loop(config, parts, on_stage=None)
-        loop.warm_up()
+        loop = _Loop(config, parts)
+        loop.warm_up(answers[:WARM_UP_CYCLES])
         samples: list[int] = []
-        before = elapsed_ns()
-        for done in range(cycles):
-            samples.append(sum(loop.cycle()))
+        for done, answer in enumerate(answers[WARM_UP_CYCLES:-1]):
+            samples.append(sum(loop.cycle(answer)))
             if done % 1000 == 0:
                 progress(done)
-        return samples, elapsed_ns() - before
+        return samples
     finally:
         parts.backend.close()
 
 
-def _measure_stages(config: RobotConfig, cycles: int, progress: Callable[[int], None]) -> dict[str, list[int]]:
+def _measure_stages(
+    config: RobotConfig, answers: Sequence[bytes | None], progress: Callable[[int], None]
+) -> dict[str, list[int]]:
+    if config.fri is None:
+        raise ConfigurationError("the benchmark needs an FRI link")
     parts = open_parts(config)
+    codec = _TimedCodec(FriCodec(config.fri.release))
     stages: dict[str, list[int]] = {"decode": [], "admission": []}
     last_ns = 0
 
@@ -184,19 +211,19 @@ def _measure_stages(config: RobotConfig, cycles: int, progress: Callable[[int], 
         last_ns = elapsed_ns()
 
     try:
-        loop = _Loop(config, parts, on_stage=on_stage)
-        loop.warm_up()
+        loop = _Loop(config, parts, codec=codec, on_stage=on_stage)
+        loop.warm_up(answers[:WARM_UP_CYCLES])
         stages.update({name: [] for name in stages})
         encode: list[int] = []
-        for done in range(cycles):
+        for done, answer in enumerate(answers[WARM_UP_CYCLES:-1]):
             last_ns = elapsed_ns()
-            receive_ns, _ = loop.cycle()
-            stages["decode"].append(loop.codec.decode_ns)
-            stages["admission"].append(receive_ns - loop.codec.decode_ns)
+            receive_ns, _ = loop.cycle(answer)
+            stages["decode"].append(codec.decode_ns)
+            stages["admission"].append(receive_ns - codec.decode_ns)
             stages["read"][-1] -= receive_ns
-            encode.append(loop.codec.encode_ns)
+            encode.append(codec.encode_ns)
             if done % 1000 == 0:
-                progress(cycles + done)
+                progress(len(answers) - WARM_UP_CYCLES + done)
         stages["message"] = [whole - part for whole, part in zip(stages.pop("send"), encode, strict=True)]
         stages["encode"] = encode
         return stages
@@ -214,7 +241,6 @@ def as_dict(report: CycleReport) -> dict[str, Any]:
         "cycle_us": _figures(report.cycle),
         "stages_us": {name: _figures(stage) for name, stage in report.stages.items()},
         "virtual_time_factor": report.virtual_time_factor,
-        "virtual_time_factor_with_client": report.virtual_time_factor_with_client,
         "bounds": [bound._asdict() for bound in report.bounds()],
     }
 

@@ -15,6 +15,7 @@ from hil.values.fri import (
     MAX_DATAGRAM_BYTES,
     MONITORING_IDENTIFIER,
     TRAITS,
+    CommandData,
     CommandMessage,
     MonitoringMessage,
     Release,
@@ -22,20 +23,24 @@ from hil.values.fri import (
 from hil.values.outcomes import Outcome
 from transport.fri import fri_pb2, reading, writing
 from transport.fri.framing import frame, unframe
+from transport.fri.writing import MonitoringWriter
 
 _HEADER_BYTES = 10
 """Smallest message: a header submessage whose three varints take at least 4, 2 and 2 bytes, and its own tag."""
+
+_NOTHING_ELSE = CommandData()[1:]
 
 _M = TypeVar("_M", fri_pb2.CommandMessage, fri_pb2.MonitoringMessage)
 
 
 class FriCodec:
-    """Datagrams of one ``release``; stateless, so one instance may serve any number of sessions."""
+    """Datagrams of one ``release``; an instance may serve any number of sessions, in one thread."""
 
     def __init__(self, release: Release) -> None:
         self._release = release
         self._traits = TRAITS[release]
         self._framed = self._traits.framed
+        self._writer = MonitoringWriter()
 
     @property
     def release(self) -> Release:
@@ -44,7 +49,7 @@ class FriCodec:
 
     def encode_monitoring(self, message: MonitoringMessage) -> bytes:
         """Return the datagram of a monitoring message."""
-        return self._wrap(writing.monitoring(message).SerializeToString())
+        return self._wrap(self._writer.monitoring(message))
 
     def encode_command(self, message: CommandMessage) -> bytes:
         """Return the datagram of a command message."""
@@ -55,7 +60,7 @@ class FriCodec:
         wire = self._parse(datagram, fri_pb2.CommandMessage.FromString, COMMAND_IDENTIFIER)
         message = reading.command(wire)
         if message.command is not None:
-            self._check_command(message)
+            self._check_command(message.command)
         return message
 
     def decode_monitoring(self, datagram: bytes) -> MonitoringMessage:
@@ -106,9 +111,8 @@ class FriCodec:
                 )
         return MalformedDatagram(Outcome.UNDECODABLE, f"{len(datagram)} bytes are no protobuf message of FRI")
 
-    def _check_command(self, message: CommandMessage) -> None:
-        data = message.command
-        if data is None:
+    def _check_command(self, data: CommandData) -> None:
+        if data.position is not None and data[1:] == _NOTHING_ELSE:
             return
         traits = self._traits
         if not traits.pose and (data.pose is not None or data.redundancy is not None):

@@ -3,6 +3,7 @@
 from hil.values.fri import (
     CommandData,
     CommandMessage,
+    ConnectionInfo,
     EndOf,
     IOValue,
     IpoData,
@@ -13,19 +14,47 @@ from hil.values.fri import (
     Vector,
 )
 from transport.fri import fri_pb2
+from transport.fri.vectors import varint, vector_field
+
+_MONITOR = b"\x1a"
+_IPO = b"\x2a"
 
 
-def monitoring(message: MonitoringMessage) -> fri_pb2.MonitoringMessage:
-    """Return the protobuf form of a monitoring message."""
+class MonitoringWriter:
+    """Writes monitoring messages in pieces, in field order: protobuf messages may be joined end to end.
+
+    Joint vectors, most of the message, are packed without protobuf objects (:mod:`transport.fri.vectors`). Robot and
+    connection rarely change between two messages, so their bytes are kept as long as the same objects come.
+    """
+
+    def __init__(self) -> None:
+        self._robot_of: RobotInfo | None = None
+        self._robot = b""
+        self._connection_of: ConnectionInfo | None = None
+        self._connection = b""
+
+    def monitoring(self, message: MonitoringMessage) -> bytes:
+        """Return the bytes of a monitoring message."""
+        head = fri_pb2.MonitoringMessage()
+        _header(head.header, message)
+        if message.robot is not self._robot_of:
+            self._robot_of, self._robot = message.robot, _robot_piece(message.robot)
+        monitored = b"" if message.monitor is None else _field(_MONITOR, _monitor_bytes(message.monitor))
+        if message.connection is not self._connection_of:
+            self._connection_of, self._connection = message.connection, _connection_piece(message.connection)
+        return b"".join((head.SerializeToString(), self._robot, monitored, self._connection, _tail(message)))
+
+
+def _robot_piece(robot: RobotInfo | None) -> bytes:
     wire = fri_pb2.MonitoringMessage()
-    _header(wire.header, message)
-    if message.robot is not None:
+    if robot is not None:
         wire.robot.SetInParent()
-        _robot(wire.robot, message.robot)
-    if message.monitor is not None:
-        wire.monitor.SetInParent()
-        _monitor(wire.monitor, message.monitor)
-    connection = message.connection
+        _robot(wire.robot, robot)
+    return wire.SerializePartialToString()
+
+
+def _connection_piece(connection: ConnectionInfo | None) -> bytes:
+    wire = fri_pb2.MonitoringMessage()
     if connection is not None:
         target = wire.connection
         target.session_state = connection.session_state
@@ -34,14 +63,61 @@ def monitoring(message: MonitoringMessage) -> fri_pb2.MonitoringMessage:
             target.send_period_ms = connection.send_period_ms
         if connection.receive_multiplier is not None:
             target.receive_multiplier = connection.receive_multiplier
-    if message.ipo is not None:
-        wire.ipo.SetInParent()
-        _ipo(wire.ipo, message.ipo)
+    return wire.SerializePartialToString()
+
+
+def _tail(message: MonitoringMessage) -> bytes:
+    told = b"" if message.ipo is None else _field(_IPO, _ipo_bytes(message.ipo))
+    if not message.requested_transformations and message.end_of is None:
+        return told
+    wire = fri_pb2.MonitoringMessage()
     for requested in message.requested_transformations:
         _transformation(wire.requested_transformation.add(), requested)
     if message.end_of is not None:
         _end_of(wire.end_of, message.end_of)
-    return wire
+    return told + wire.SerializePartialToString()
+
+
+def _monitor_bytes(monitor: MonitorData) -> bytes:
+    rest = fri_pb2.MonitorData()
+    for value in monitor.inputs_outputs:
+        _io(rest.io.add(), value)
+    if monitor.measured_pose is not None:
+        _transformation(rest.measured_pose, monitor.measured_pose)
+    if monitor.redundancy is not None:
+        rest.redundancy.strategy, rest.redundancy.value = monitor.redundancy
+    if monitor.at is not None:
+        rest.at.seconds, rest.at.nanoseconds = monitor.at
+    return b"".join(
+        (
+            vector_field(b"\x0a", monitor.measured_position),
+            vector_field(b"\x12", monitor.measured_torque),
+            vector_field(b"\x1a", monitor.commanded_position),
+            vector_field(b"\x22", monitor.commanded_torque),
+            vector_field(b"\x2a", monitor.external_torque),
+            vector_field(b"\x32", monitor.external_force),
+            rest.SerializeToString(),
+        )
+    )
+
+
+def _ipo_bytes(ipo: IpoData) -> bytes:
+    rest = fri_pb2.IpoData()
+    if ipo.pose is not None:
+        _transformation(rest.pose, ipo.pose)
+    if ipo.redundancy is not None:
+        rest.redundancy.strategy, rest.redundancy.value = ipo.redundancy
+    if ipo.client_command_mode is not None:
+        rest.client_command_mode = ipo.client_command_mode
+    if ipo.overlay_type is not None:
+        rest.overlay_type = ipo.overlay_type
+    if ipo.tracking_performance is not None:
+        rest.tracking_performance = ipo.tracking_performance
+    return vector_field(b"\x0a", ipo.position) + rest.SerializeToString()
+
+
+def _field(tag: bytes, body: bytes) -> bytes:
+    return b"".join((tag, varint(len(body)), body))
 
 
 def command(message: CommandMessage) -> fri_pb2.CommandMessage:
@@ -74,44 +150,11 @@ def _robot(wire: fri_pb2.RobotInfo, robot: RobotInfo) -> None:
         wire.control_mode = robot.control_mode
 
 
-def _vector(
-    wire: fri_pb2.JointValues | fri_pb2.CartesianVector | fri_pb2.CommandedWrench, values: Vector | None
-) -> None:
+def _vector(wire: fri_pb2.JointValues | fri_pb2.CommandedWrench, values: Vector | None) -> None:
     if values:
         wire.value.extend(values)
     elif values is not None:
         wire.SetInParent()
-
-
-def _monitor(wire: fri_pb2.MonitorData, monitor: MonitorData) -> None:
-    _vector(wire.measured_position, monitor.measured_position)
-    _vector(wire.measured_torque, monitor.measured_torque)
-    _vector(wire.commanded_position, monitor.commanded_position)
-    _vector(wire.commanded_torque, monitor.commanded_torque)
-    _vector(wire.external_torque, monitor.external_torque)
-    _vector(wire.external_force, monitor.external_force)
-    for value in monitor.inputs_outputs:
-        _io(wire.io.add(), value)
-    if monitor.measured_pose is not None:
-        _transformation(wire.measured_pose, monitor.measured_pose)
-    if monitor.redundancy is not None:
-        wire.redundancy.strategy, wire.redundancy.value = monitor.redundancy
-    if monitor.at is not None:
-        wire.at.seconds, wire.at.nanoseconds = monitor.at
-
-
-def _ipo(wire: fri_pb2.IpoData, ipo: IpoData) -> None:
-    _vector(wire.position, ipo.position)
-    if ipo.pose is not None:
-        _transformation(wire.pose, ipo.pose)
-    if ipo.redundancy is not None:
-        wire.redundancy.strategy, wire.redundancy.value = ipo.redundancy
-    if ipo.client_command_mode is not None:
-        wire.client_command_mode = ipo.client_command_mode
-    if ipo.overlay_type is not None:
-        wire.overlay_type = ipo.overlay_type
-    if ipo.tracking_performance is not None:
-        wire.tracking_performance = ipo.tracking_performance
 
 
 def _command(wire: fri_pb2.CommandData, data: CommandData) -> None:

@@ -3,6 +3,7 @@
 from hil.core.events import PacketDropped
 from hil.values.outcomes import Outcome
 
+DROPS: tuple[Outcome, ...] = tuple(outcome for outcome in Outcome if outcome is not Outcome.ACCEPTED)
 EVENT_INTERVAL_NS = 1_000_000_000
 
 
@@ -12,13 +13,14 @@ class PacketCounters:
     def __init__(self) -> None:
         self.sent = 0
         self.received = 0
-        self.by_outcome = dict.fromkeys(Outcome, 0)
-        self._unreported = dict.fromkeys(Outcome, 0)
+        self.accepted_count = 0
+        self.by_outcome = dict.fromkeys(DROPS, 0)
+        self._unreported = dict.fromkeys(DROPS, 0)
         self._reported_at_ns: dict[Outcome, int] = {}
 
     def accepted(self) -> None:
         """A packet reached where it was meant to go."""
-        self.by_outcome[Outcome.ACCEPTED] += 1
+        self.accepted_count += 1
 
     def dropped(self, outcome: Outcome, detail: str, *, now_ns: int) -> PacketDropped | None:
         """Count a dropped packet; return an event when one is due."""
@@ -36,8 +38,6 @@ class PacketCounters:
         return {
             "sent": self.sent,
             "received": self.received,
-            "accepted": self.by_outcome[Outcome.ACCEPTED],
-            "dropped": {
-                outcome.value: count for outcome, count in self.by_outcome.items() if outcome is not Outcome.ACCEPTED
-            },
+            "accepted": self.accepted_count,
+            "dropped": {outcome.value: count for outcome, count in self.by_outcome.items()},
         }

@@ -44,9 +44,14 @@ class ExpectedAnswers:
                 self._open_answered = True
                 self._meter.answered(now_ns=now_ns, latency_ns=age_ns)
             return
-        for window in self._pending:
+        pending = self._pending
+        if pending and counter_distance(pending[0].first_counter, reflected) < self._multiplier:
+            pending.popleft()
+            self._meter.answered(now_ns=now_ns, latency_ns=age_ns)
+            return
+        for window in pending:
             if counter_distance(window.first_counter, reflected) < self._multiplier:
-                self._pending.remove(window)
+                pending.remove(window)
                 self._meter.answered(now_ns=now_ns, latency_ns=age_ns)
                 return
 

@@ -39,6 +39,7 @@ class MessageBuilder:
         self._settings = settings
         self._fri = fri
         self._robot_info: RobotInfo | None = None
+        self._connection_info: ConnectionInfo | None = None
 
     def build(
         self,
@@ -60,9 +61,16 @@ class MessageBuilder:
             reflected_sequence_counter,
             self._robot(arm),
             self._monitor(arm, set_point, now_ns),
-            ConnectionInfo(state, quality, self._fri.send_period_ms, self._fri.receive_multiplier),
+            self._connection(state, quality),
             self._ipo(hold_position_rad, state, tracking_performance) if commanding else None,
         )
+
+    def _connection(self, state: SessionState, quality: Quality) -> ConnectionInfo:
+        info = self._connection_info
+        if info is None or info.session_state is not state or info.quality is not quality:
+            info = ConnectionInfo(state, quality, self._fri.send_period_ms, self._fri.receive_multiplier)
+            self._connection_info = info
+        return info
 
     def _robot(self, arm: ArmState) -> RobotInfo:
         info = self._robot_info

@@ -67,18 +67,22 @@ class QualityMeter:
         return f"the budget of {self._budget_ns / 1e6:g} ms"
 
     def _judge(self, expected: _Expected) -> None:
-        self._window.append(expected)
-        self._answered += expected.answered
-        self._fast += expected.fast
-        horizon_ns = expected.at_ns - WINDOW_NS
-        while self._window[0].at_ns <= horizon_ns:
-            old = self._window.popleft()
-            self._answered -= old.answered
-            self._fast -= old.fast
-        self._settle(self._figure(), expected.at_ns)
+        window = self._window
+        window.append(expected)
+        at_ns, answered, fast = expected
+        self._answered += answered
+        self._fast += fast
+        horizon_ns = at_ns - WINDOW_NS
+        while window[0][0] <= horizon_ns:
+            _, answered, fast = window.popleft()
+            self._answered -= answered
+            self._fast -= fast
+        self._settle(self._figure(), at_ns)
 
     def _figure(self) -> Quality:
         expected, answered = len(self._window), self._answered
+        if self._fast == expected:
+            return Quality.EXCELLENT
         if answered * 100 >= 99 * expected and self._fast_enough():
             return Quality.EXCELLENT
         if answered * 100 >= 95 * expected:

@@ -52,7 +52,7 @@ class JointOverlay:
         if slowed == 1.0 and self._cycles_left == 1:
             self._position = self._target
         else:
-            self._position = tuple(map(add, self._position, step))  # type: ignore[assignment]
+            self._position = tuple(map(add, self._position, step))
         if slowed == 1.0 or self._cycles_left > 1:
             self._cycles_left -= 1
         rate = 1.0 / self._cycle_s
