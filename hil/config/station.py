@@ -31,10 +31,10 @@ class Overlay(StrEnum):
 class Overrun(StrEnum):
     """What happens to control cycles that could not begin in time. All are counted."""
 
-    SKIP = "skip"
-    """They are left out; the arm's time stands still for them."""
     CATCH_UP = "catch-up"
-    """They are run at once, one after the other, ten at most."""
+    """They are run at once, one after the other, ten at most; what is more than that is left out."""
+    SKIP = "skip"
+    """They are left out; a simulated arm's time stands still for them."""
     FAULT = "fault"
     """The first one ends the run: the arm brakes, the sessions close, exit code 1."""
 
@@ -84,7 +84,9 @@ class RobotConfig(_Model):
     backend: Annotated[str, Field(description="robot side: mujoco or ideal")] = "mujoco"
     mode: Annotated[Mode, Field(description="operation mode")] = Mode.AUT
     cycle_ms: Annotated[int, Field(description=f"control cycle: {', '.join(map(str, CYCLE_CHOICES_MS))} ms")] = 1
-    overrun: Annotated[Overrun, Field(description="what happens to missed cycles")] = Overrun.SKIP
+    overrun: Annotated[
+        Overrun, Field(description="what happens to cycles that could not begin in time: catch-up, skip, fault")
+    ] = Overrun.CATCH_UP
     seed: Annotated[int, Field(ge=0, description="seed of the simulated sensor noise")] = 0
     fri: Annotated[FriConfig | None, Field(description="FRI link; leave the section out for none")] = None
 

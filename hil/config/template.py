@@ -13,7 +13,7 @@ model = "lbr-iiwa-14-r820"    # lbr-iiwa-7-r800, lbr-iiwa-14-r820, lbr-med-7, lb
 backend = "mujoco"            # mujoco, ideal
 mode = "AUT"                  # T1, T2, AUT
 cycle_ms = 1                  # 1, 2, 4, 5
-overrun = "skip"              # skip, catch-up, fault: what happens to missed cycles
+overrun = "catch-up"          # catch-up, skip, fault: what happens to cycles that could not begin in time
 seed = 0                      # of the simulated sensor noise
 
 [robot.fri]                   # leave this section out for a robot without FRI

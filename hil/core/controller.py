@@ -1,7 +1,8 @@
 """The controller of one robot: five verbs, one cycle.
 
-``receive(datagram, source, now_ns)``, ``tick(now_ns)``, ``outgoing()``, ``events()``, ``close(now_ns)``. Live process,
-tests, replay and benchmarks use the same five. Times are integer nanoseconds on the core's own axis, which starts at 0.
+``receive(datagram, source, now_ns)``, ``tick(now_ns)``, ``outgoing(now_ns)``, ``events()``, ``close(now_ns)``. Live
+process, tests, replay and benchmarks use the same five. Times are integer nanoseconds on the core's own axis, which
+starts at 0.
 """
 
 from collections import deque
@@ -98,9 +99,14 @@ class Controller:
             if on_stage is not None:
                 on_stage(name)
 
-    def outgoing(self) -> list[Outgoing]:
-        """Return and forget the datagrams to send."""
+    def outgoing(self, *, now_ns: int | None = None) -> list[Outgoing]:
+        """Return and forget the datagrams to send.
+
+        ``now_ns`` is when they leave; without it they leave when their cycle began. Answers are timed from there.
+        """
         datagrams, self._outgoing = self._outgoing, []
+        if now_ns is not None and datagrams and self._fri is not None:
+            self._fri.departed(now_ns=now_ns)
         return datagrams
 
     def events(self) -> list[Event]:

@@ -19,13 +19,16 @@ class RunMeasurements:
         """Book what was done for the coming cycle before its tick: decoding and admission."""
         self._between_ns += cost_ns
 
-    def ticked(self, *, began_ns: int, lateness_ns: int, cost_ns: int, missed: int) -> None:
+    def missed(self, count: int) -> None:
+        """Book cycles that could not begin before the next one was due, caught up or not."""
+        self.missed_cycles += count
+
+    def ticked(self, *, began_ns: int, lateness_ns: int, cost_ns: int) -> None:
         """Book a cycle that began at ``began_ns`` and cost ``cost_ns`` from there."""
         if self._ticks == 0:
             self._first_ns = began_ns
         self._ticks += 1
         self._last_ns = began_ns
-        self.missed_cycles += missed
         self.lateness.add(lateness_ns)
         self.cycle.add(cost_ns + self._between_ns)
         self._between_ns = 0

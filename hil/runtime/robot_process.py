@@ -139,20 +139,22 @@ class RobotProcess:
             await self._cycle(tick)
 
     async def _cycle(self, tick: Tick) -> None:
-        began_ns = tick.due_ns + tick.lateness_ns
-        before_ns = elapsed_ns()
-        controller = self.controller
         if tick.missed:
-            self._overrun(tick)
-        controller.tick(now_ns=tick.due_ns - self._epoch_ns, lateness_ns=tick.lateness_ns)
-        await self._send_outgoing()
-        self.measurements.ticked(
-            began_ns=began_ns, lateness_ns=tick.lateness_ns, cost_ns=elapsed_ns() - before_ns, missed=tick.missed
-        )
-        for event in controller.events():
+            await self._overrun(tick)
+        await self._one_cycle(tick.due_ns, tick.lateness_ns)
+        for event in self.controller.events():
             self._tell(self.config.name, event)
 
-    def _overrun(self, tick: Tick) -> None:
+    async def _one_cycle(self, due_ns: int, lateness_ns: int) -> None:
+        before_ns = elapsed_ns()
+        self.controller.tick(now_ns=due_ns - self._epoch_ns, lateness_ns=lateness_ns)
+        await self._send_outgoing()
+        self.measurements.ticked(
+            began_ns=due_ns + lateness_ns, lateness_ns=lateness_ns, cost_ns=elapsed_ns() - before_ns
+        )
+
+    async def _overrun(self, tick: Tick) -> None:
+        self.measurements.missed(tick.missed)
         match self.config.overrun:
             case Overrun.SKIP:
                 return
@@ -163,18 +165,17 @@ class RobotProcess:
             case Overrun.CATCH_UP:
                 for back in range(min(tick.missed, CATCH_UP_MOST), 0, -1):
                     due_ns = tick.due_ns - back * self._period_ns
-                    self.controller.tick(
-                        now_ns=due_ns - self._epoch_ns, lateness_ns=tick.lateness_ns + back * self._period_ns
-                    )
+                    await self._one_cycle(due_ns, self._clock.now_ns() - due_ns)
 
     async def _send_outgoing(self) -> None:
+        now_ns = self._clock.now_ns() - self._epoch_ns
         endpoint = self._endpoint
-        for datagram in self.controller.outgoing():
+        for datagram in self.controller.outgoing(now_ns=now_ns):
             if endpoint is None:
                 continue
             await endpoint.send(datagram.payload)
-            if self._recorder is not None:
-                self._recorder.put(self._unix_now_ns(), endpoint.local, endpoint.peer, datagram.payload)
+            # The time the core was told, not a later one: a replay must be able to tell it the same.
+            self._record(now_ns, endpoint.local, endpoint.peer, datagram.payload)
 
     def _listen(self, group: asyncio.TaskGroup) -> list[asyncio.Task[None]]:
         if self._endpoint is None:
@@ -205,11 +206,11 @@ class RobotProcess:
             self._receive(datagram, Source(FRI_LINK, sender))
 
     def _receive(self, datagram: bytes, source: Source) -> None:
-        now_ns = self._clock.now_ns()
-        self.controller.receive(datagram, source, now_ns=now_ns - self._epoch_ns)
-        if self._recorder is not None and self._endpoint is not None:
-            at_unix_ns = self._unix_epoch_ns + now_ns - self._epoch_ns
-            self._recorder.put(at_unix_ns, source.address, self._endpoint.local, datagram)
+        now_ns = self._clock.now_ns() - self._epoch_ns
+        self.controller.receive(datagram, source, now_ns=now_ns)
+        if self._endpoint is not None:
+            self._record(now_ns, source.address, self._endpoint.local, datagram)
 
-    def _unix_now_ns(self) -> int:
-        return self._unix_epoch_ns + self._clock.now_ns() - self._epoch_ns
+    def _record(self, now_ns: int, source: Address, destination: Address, payload: bytes) -> None:
+        if self._recorder is not None:
+            self._recorder.put(self._unix_epoch_ns + now_ns, source, destination, payload)

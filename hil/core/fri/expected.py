@@ -23,6 +23,7 @@ class ExpectedAnswers:
         self._first_counter: int | None = None
         self._open_count = 0
         self._open_answered = False
+        self._closed_by_last = False
 
     def sent(self, counter: int, *, at_ns: int) -> None:
         """A message went out."""
@@ -30,10 +31,17 @@ class ExpectedAnswers:
             self._first_counter = counter
             self._open_answered = False
         self._open_count += 1
+        self._closed_by_last = False
         if self._open_count == self._multiplier:
             self._open_count = 0
             if not self._open_answered and self._first_counter is not None:
                 self._pending.append(_Window(self._first_counter, at_ns))
+                self._closed_by_last = True
+
+    def departed(self, *, at_ns: int) -> None:
+        """Correct the send time of the message booked last."""
+        if self._closed_by_last:
+            self._pending[-1] = _Window(self._pending[-1].first_counter, at_ns)
 
     def answered(self, reflected: int, *, age_ns: int, now_ns: int) -> None:
         """A fresh answer came; only one within the budget counts for its window, and only the first."""

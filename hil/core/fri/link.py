@@ -143,6 +143,11 @@ class FriLink:
         self._cycles_until_message = self._cycles_per_message - 1
         return self._encode(arm, now_ns=now_ns, sent_ns=started_ns)
 
+    def departed(self, *, now_ns: int) -> None:
+        """The message of this cycle leaves at ``now_ns``, not when the cycle began."""
+        self._tracker.departed(at_ns=now_ns)
+        self._expected.departed(at_ns=now_ns)
+
     def close(self, arm: ArmState, *, now_ns: int) -> bytes | None:
         """Close the session and return its last message, which says IDLE; None if it was not open."""
         if self.log.state is SessionState.IDLE:

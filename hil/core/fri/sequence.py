@@ -47,6 +47,11 @@ class SequenceTracker:
         self.next_counter = (counter + 1) % SEQUENCE_MODULUS
         return counter
 
+    def departed(self, *, at_ns: int) -> None:
+        """Correct the send time of the message booked last."""
+        if self._sent:
+            self._sent[-1] = Sent(self._sent[-1].counter, at_ns)
+
     def judge(self, reflected: int, *, now_ns: int) -> Verdict:
         """Say what an answer that reflects ``reflected`` is; changes nothing."""
         distance = (self.next_counter - 1 - reflected) % SEQUENCE_MODULUS
