@@ -87,8 +87,8 @@ class MujocoBackend(InProcessBackend):
         )
 
     def _write(self, command: JointCommand) -> None:
-        self._from, self._to = self._to, np.array(command.position_rad)
-        self._velocity = np.array(command.velocity_rad_s)
+        self._from = self._to
+        self._to, self._velocity = np.array(command)
 
     def _step(self) -> None:
         model, data = self._model, self._data

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _QUANTUM_NM = np.array([1.344e-3] * 2 + [8.80e-4] * 3 + [3.34e-4] * 2)
+_PER_QUANTUM = 1.0 / _QUANTUM_NM
 _MEASURED_SIGMA_NM = np.array([0.0041, 0.026, 0.0028, 0.0085, 0.0028, 0.0013, 0.0014])
 _EXTERNAL_SIGMA_NM = np.array([0.0006, 0.014, 0.0004, 0.004, 0.0003, 0.0003, 0.0001])
 _BLOCK = 1024
@@ -36,5 +37,5 @@ class TorqueSensors:
             self._external_noise = self._random.standard_normal((_BLOCK, 7)) * _EXTERNAL_SIGMA_NM
         row = self._row
         self._row += 1
-        shown = np.rint((torque_nm + self._measured_noise[row]) / _QUANTUM_NM) * _QUANTUM_NM
+        shown = np.rint((torque_nm + self._measured_noise[row]) * _PER_QUANTUM) * _QUANTUM_NM
         return shown, external_nm + self._external_noise[row]

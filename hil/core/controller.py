@@ -111,6 +111,8 @@ class Controller:
 
     def events(self) -> list[Event]:
         """Return and forget what happened."""
+        if not self._events:
+            return []
         happened = list(self._events)
         self._events.clear()
         return happened

@@ -29,7 +29,8 @@ class ArmModel:
 
     def flange_speed_mm_s(self, position_rad: Seven, velocity_rad_s: Seven) -> float:
         """Return the speed of the flange's origin in mm/s."""
-        pinocchio.forwardKinematics(self._model, self._data, np.array(position_rad), np.array(velocity_rad_s))
+        state = np.array((position_rad, velocity_rad_s))
+        pinocchio.forwardKinematics(self._model, self._data, state[0], state[1])
         self._at = position_rad
         velocity = pinocchio.getFrameVelocity(self._model, self._data, self._frame, pinocchio.LOCAL)
         x, y, z = velocity.linear.tolist()

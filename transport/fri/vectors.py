@@ -11,7 +11,7 @@ from hil.values.fri import Vector
 
 _VALUE = b"\x09"
 """Tag of field 1 as a double: JointValues.value and CartesianVector.value."""
-_SEVEN = Struct("<" + "cd" * 7).pack
+_SEVEN = Struct("<cc" + "cd" * 7).pack
 _SEVEN_BYTES = b"\x3f"
 _ONE_BYTE = 0x7F
 
@@ -22,8 +22,7 @@ def vector_field(tag: bytes, values: Vector | None) -> bytes:
         return b""
     if len(values) == 7:
         a, b, c, d, e, f, g = values
-        packed = _SEVEN(_VALUE, a, _VALUE, b, _VALUE, c, _VALUE, d, _VALUE, e, _VALUE, f, _VALUE, g)
-        return tag + _SEVEN_BYTES + packed
+        return _SEVEN(tag, _SEVEN_BYTES, _VALUE, a, _VALUE, b, _VALUE, c, _VALUE, d, _VALUE, e, _VALUE, f, _VALUE, g)
     body = _packing(len(values)).pack(*(part for value in values for part in (_VALUE, value)))
     return tag + varint(len(body)) + body
 

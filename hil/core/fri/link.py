@@ -100,9 +100,9 @@ class FriLink:
         if admitted.outcome is not Outcome.ACCEPTED:
             self._drop(admitted.outcome, admitted.detail, now_ns)
             return
-        first = self._first_counter_of_state
-        if first is not None and counter_distance(first, message.reflected_sequence_counter) < REMEMBERED:
-            self._client_saw_state = True
+        if not self._client_saw_state and self._first_counter_of_state is not None:
+            since = counter_distance(self._first_counter_of_state, message.reflected_sequence_counter)
+            self._client_saw_state = since < REMEMBERED
         refusal = self._take(message, now_ns)
         if refusal is None:
             self.counters.accepted()

@@ -6,7 +6,6 @@ least 99 % and 95th percentile of the answer latency below half the budget: EXCE
 """
 
 from collections import deque
-from typing import NamedTuple
 
 from hil.values.fri import Quality
 
@@ -14,18 +13,13 @@ WINDOW_NS = 1_000_000_000
 RISE_NS = 500_000_000
 
 
-class _Expected(NamedTuple):
-    at_ns: int
-    answered: bool
-    fast: bool
-
-
 class QualityMeter:
     """Judges expected answers one by one; time is an argument, memory is bounded by the window."""
 
     def __init__(self, *, budget_ns: int) -> None:
         self._budget_ns = budget_ns
-        self._window: deque[_Expected] = deque()
+        self._window: deque[tuple[int, bool, bool]] = deque()
+        """Of each expected answer: when it was judged, whether it came in time, whether in less than half of it."""
         self._answered = 0
         self._fast = 0
         self._better_since_ns: int | None = None
@@ -37,12 +31,12 @@ class QualityMeter:
         """An expected answer came in time."""
         self.missed_in_a_row = 0
         self.ever_answered = True
-        self._judge(_Expected(now_ns, answered=True, fast=2 * latency_ns < self._budget_ns))
+        self._judge(now_ns, answered=True, fast=2 * latency_ns < self._budget_ns)
 
     def missed(self, *, now_ns: int) -> None:
         """An expected answer did not come within its budget."""
         self.missed_in_a_row += 1
-        self._judge(_Expected(now_ns, answered=False, fast=False))
+        self._judge(now_ns, answered=False, fast=False)
 
     @property
     def expected_count(self) -> int:
@@ -66,10 +60,9 @@ class QualityMeter:
     def _budget_text(self) -> str:
         return f"the budget of {self._budget_ns / 1e6:g} ms"
 
-    def _judge(self, expected: _Expected) -> None:
+    def _judge(self, at_ns: int, *, answered: bool, fast: bool) -> None:
         window = self._window
-        window.append(expected)
-        at_ns, answered, fast = expected
+        window.append((at_ns, answered, fast))
         self._answered += answered
         self._fast += fast
         horizon_ns = at_ns - WINDOW_NS

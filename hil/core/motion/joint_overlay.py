@@ -43,25 +43,26 @@ class JointOverlay:
         if self._cycles_left == 0:
             self.tracking_performance = 1.0
             return SetPoint(self._position, STILL)
-        scale = 1.0 / self._cycles_left
-        step = [(goal - here) * scale for goal, here in zip(self._target, self._position, strict=True)]
-        slowed = self._slowdown(step)
+        step, slowed = self._step()
         self.tracking_performance = slowed
-        if slowed < 1.0:
-            step = [part * slowed for part in step]
-        if slowed == 1.0 and self._cycles_left == 1:
-            self._position = self._target
-        else:
-            self._position = tuple(map(add, self._position, step))
-        if slowed == 1.0 or self._cycles_left > 1:
+        if slowed == 1.0:
             self._cycles_left -= 1
+            self._position = tuple(map(add, self._position, step)) if self._cycles_left else self._target
+        else:
+            step = [part * slowed for part in step]
+            self._cycles_left = max(1, self._cycles_left - 1)
+            self._position = tuple(map(add, self._position, step))
         rate = 1.0 / self._cycle_s
         return SetPoint(self._position, tuple([part * rate for part in step]))  # type: ignore[arg-type]
 
-    def _slowdown(self, step: list[float]) -> float:
-        """Return the factor, at most 1, that brings every axis to its velocity limit or below."""
+    def _step(self) -> tuple[list[float], float]:
+        """Return the step that keeps the schedule, and the factor, at most 1, that keeps every axis at its velocity."""
+        scale = 1.0 / self._cycles_left
         worst = 1.0
-        for part, allowed in zip(step, self._step_limit, strict=True):
+        step = []
+        for goal, here, allowed in zip(self._target, self._position, self._step_limit, strict=True):
+            part = (goal - here) * scale
+            step.append(part)
             if abs(part) > allowed * worst:
                 worst = abs(part) / allowed
-        return 1.0 / worst
+        return step, 1.0 / worst
