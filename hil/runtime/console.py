@@ -27,8 +27,6 @@ class Console:
 
     def close(self, *, timeout_s: float = 2.0) -> None:
         """Write what is queued, for at most ``timeout_s``."""
-        if self._dropped:
-            self.say(f"({self._dropped} lines were not written: nobody read fast enough)")
         try:
             self._lines.put(None, timeout=timeout_s)
         except queue.Full:
@@ -37,8 +35,13 @@ class Console:
 
     def _write(self) -> None:
         while (line := self._lines.get()) is not None:
-            try:
-                self._stream.write(line + "\n")
-                self._stream.flush()
-            except (OSError, ValueError):
-                self._dropped += 1
+            self._write_line(line)
+        if self._dropped:
+            self._write_line(f"({self._dropped} lines were not written: nobody read fast enough)")
+
+    def _write_line(self, line: str) -> None:
+        try:
+            self._stream.write(line + "\n")
+            self._stream.flush()
+        except (OSError, ValueError):
+            self._dropped += 1

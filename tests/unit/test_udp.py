@@ -1,0 +1,106 @@
+"""Endpoints: one peer, strangers heard apart, ports that clash named."""
+
+import asyncio
+import socket
+
+import pytest
+
+from hil.values.errors import ConfigurationError, EndpointError
+from hil.values.link import Address
+from tests.support.processes import own_host
+from transport.udp import EndpointClosed, default_bind, is_local, open_peer_endpoint, parse_address, refuse_shared_port
+
+
+def udp(host: str) -> socket.socket:
+    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    sock.bind((host, 0))
+    sock.setblocking(False)
+    return sock
+
+
+def address_of(sock: socket.socket) -> Address:
+    return Address(*sock.getsockname())
+
+
+async def test_the_peer_and_strangers_are_heard_apart() -> None:
+    host = own_host()
+    with udp(host) as peer, udp(host) as stranger:
+        endpoint = await open_peer_endpoint(bind=Address(host, 0), peer=address_of(peer))
+        for number in range(5):
+            stranger.sendto(b"stranger %d" % number, endpoint.local)
+            peer.sendto(b"peer %d" % number, endpoint.local)
+        async with asyncio.timeout(5):
+            assert [await endpoint.receive() for _ in range(5)] == [b"peer %d" % number for number in range(5)]
+            heard = [await endpoint.receive_stranger() for _ in range(5)]
+        assert {sender for _, sender in heard} == {address_of(stranger)}
+        await endpoint.send(b"hello")
+        assert await asyncio.get_running_loop().sock_recv(peer, 100) == b"hello"
+        with pytest.raises(BlockingIOError):
+            stranger.recv(100)
+        endpoint.close()
+        endpoint.close()
+        with pytest.raises(EndpointClosed):
+            await endpoint.send(b"too late")
+
+
+async def test_nobody_listening_is_counted_and_every_datagram_is_still_sent() -> None:
+    host = own_host()
+    with udp(host) as gone:
+        peer = address_of(gone)
+    endpoint = await open_peer_endpoint(bind=Address(host, 0), peer=peer)
+    for _ in range(20):
+        await endpoint.send(b"anybody?")
+        await asyncio.get_running_loop().run_in_executor(None, lambda: None)
+    assert endpoint.refused >= 15
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as back:
+        back.bind(peer)
+        back.settimeout(5)
+        await endpoint.send(b"first")
+        await endpoint.send(b"second")
+        assert [back.recv(100), back.recv(100)] == [b"first", b"second"]
+    endpoint.close()
+
+
+async def test_closing_wakes_the_listeners() -> None:
+    host = own_host()
+    with udp(host) as peer:
+        endpoint = await open_peer_endpoint(bind=Address(host, 0), peer=address_of(peer))
+        listening = [asyncio.ensure_future(endpoint.receive()), asyncio.ensure_future(endpoint.receive_stranger())]
+        asyncio.get_running_loop().call_soon(endpoint.close)
+        for listener in listening:
+            with pytest.raises(EndpointError, match="is closed"):
+                await listener
+
+
+async def test_a_bound_port_cannot_be_had_twice() -> None:
+    host = own_host()
+    with udp(host) as peer:
+        endpoint = await open_peer_endpoint(bind=Address(host, 0), peer=address_of(peer))
+        with pytest.raises(EndpointError, match="Address already in use"):
+            await open_peer_endpoint(bind=endpoint.local, peer=address_of(peer))
+        endpoint.close()
+
+
+async def test_an_address_that_is_not_ours_is_named() -> None:
+    with pytest.raises(EndpointError, match=r"cannot bind UDP 192\.0\.2\.1:30200"):
+        await open_peer_endpoint(bind=Address("192.0.2.1", 30200), peer=Address("127.0.0.1", 30201))
+
+
+def test_a_port_is_not_shared_with_a_client_on_this_machine() -> None:
+    for host in ("0.0.0.0", "127.0.0.1"):  # noqa: S104
+        with pytest.raises(ConfigurationError, match="cannot bind"):
+            refuse_shared_port(bind=Address(host, 30200), peer=Address("127.0.0.1", 30200))
+    refuse_shared_port(bind=Address("127.0.0.2", 30200), peer=Address("127.0.0.1", 30200))
+    refuse_shared_port(bind=Address("0.0.0.0", 30201), peer=Address("127.0.0.1", 30200))  # noqa: S104
+    refuse_shared_port(bind=Address("0.0.0.0", 30200), peer=Address("192.0.2.1", 30200))  # noqa: S104
+
+
+def test_defaults_and_addresses() -> None:
+    assert is_local("127.0.0.77")
+    assert not is_local("192.0.2.1")
+    assert default_bind(Address("127.0.0.5", 30200)) == Address("127.0.0.5", 0)
+    assert parse_address("127.0.0.9", default_port=30200) == Address("127.0.0.9", 30200)
+    assert parse_address("localhost:7", default_port=30200) == Address("127.0.0.1", 7)
+    for text in ("127.0.0.1:x", "127.0.0.1:99999", "no.such.host.invalid", "a" * 300):
+        with pytest.raises(ConfigurationError, match=text[:20]):
+            parse_address(text, default_port=1)
