@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from hil.values.errors import ConfigurationError, MalformedDatagram
-from hil.values.fri import CommandMessage, MonitoringMessage, Release, SessionState
+from hil.values.fri import Release, SessionState
+from hil.values.fri_messages import CommandMessage, MonitoringMessage
 from hil.values.link import Address
 from transport.capture.pcapng import read_capture
 from transport.fri import FriCodec

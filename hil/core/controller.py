@@ -17,7 +17,8 @@ from hil.core.safety.monitors import Monitors
 from hil.core.settings import ControllerSettings
 from hil.values.arm import Backend, JointCommand
 from hil.values.errors import ConfigurationError
-from hil.values.fri import ControllerCodec, SafetyState
+from hil.values.fri import SafetyState
+from hil.values.fri_messages import ControllerCodec
 from hil.values.link import Outgoing, Source
 from hil.values.robot import RobotDescription
 

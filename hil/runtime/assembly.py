@@ -10,7 +10,8 @@ from hil.core.model import ArmModel
 from hil.core.settings import NS_PER_MS
 from hil.values.arm import Backend
 from hil.values.errors import UnknownName
-from hil.values.fri import CLIENT_PORT, ControllerCodec
+from hil.values.fri import CLIENT_PORT
+from hil.values.fri_messages import ControllerCodec
 from hil.values.link import Address
 from hil.values.robot import RobotDescription
 from transport.fri import FriCodec

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from hil.values.fri import MonitoringMessage, Release, SessionState
+from hil.values.fri import Release, SessionState
+from hil.values.fri_messages import MonitoringMessage
 from tests.support.captures import datagrams, files, release_of
 from transport.fri import FriCodec
 

@@ -13,7 +13,8 @@ from hil.core.events import Event
 from hil.core.model import ArmModel
 from hil.core.settings import ControllerSettings, FriSettings
 from hil.values.arm import JointCommand
-from hil.values.fri import CommandData, CommandMessage, MonitoringMessage, OperationMode, Release, SessionState
+from hil.values.fri import OperationMode, Release, SessionState
+from hil.values.fri_messages import CommandData, CommandMessage, MonitoringMessage
 from hil.values.link import Address, Source
 from hil.values.outcomes import Outcome
 from hil.values.robot import RobotDescription

@@ -21,7 +21,8 @@ from hil.client.fri import (
     UsageError,
 )
 from hil.values.errors import UnknownName
-from hil.values.fri import ClientCommandMode, CommandData, IOValue, MonitoringMessage, Redundancy
+from hil.values.fri import ClientCommandMode
+from hil.values.fri_messages import CommandData, IOValue, MonitoringMessage, Redundancy
 from tests.unit.test_client_support import COMMANDED, INTERPOLATED, POSE, datagram, message, read
 from transport.fri import FriCodec
 

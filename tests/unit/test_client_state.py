@@ -22,7 +22,7 @@ from hil.client.fri import (
     UsageError,
 )
 from hil.values.errors import UnknownName
-from hil.values.fri import MonitoringMessage
+from hil.values.fri_messages import MonitoringMessage
 from tests.unit.test_client_support import COMMANDED, INTERPOLATED, MEASURED, POSE, message
 
 ACTIVE, READY = SessionState.COMMANDING_ACTIVE, SessionState.MONITORING_READY

@@ -2,21 +2,16 @@
 
 import pytest
 
-from hil.values.fri import (
-    TRAITS,
-    ClientCommandMode,
+from hil.values.fri import TRAITS, ClientCommandMode, OverlayType, Quality, Release, SessionState
+from hil.values.fri_messages import (
     CommandMessage,
     ConnectionInfo,
     IOValue,
     IpoData,
     MonitorData,
     MonitoringMessage,
-    OverlayType,
-    Quality,
     Redundancy,
-    Release,
     RobotInfo,
-    SessionState,
     TimeStamp,
     Transformation,
 )

@@ -7,10 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.values.errors import MalformedDatagram
-from hil.values.fri import (
-    COMMAND_IDENTIFIER,
-    MONITORING_IDENTIFIER,
-    TRAITS,
+from hil.values.fri import COMMAND_IDENTIFIER, MONITORING_IDENTIFIER, TRAITS, Release
+from hil.values.fri_messages import (
     CommandData,
     CommandMessage,
     ConnectionInfo,
@@ -19,7 +17,6 @@ from hil.values.fri import (
     MonitorData,
     MonitoringMessage,
     Redundancy,
-    Release,
     RobotInfo,
     TimeStamp,
     Transformation,

@@ -10,15 +10,8 @@ from hypothesis import strategies as st
 from hil.core.controller import FRI_LINK
 from hil.core.events import PacketDropped
 from hil.core.settings import FriSettings
-from hil.values.fri import (
-    MAX_DATAGRAM_BYTES,
-    CommandData,
-    CommandMessage,
-    MonitoringMessage,
-    Release,
-    SessionState,
-    Vector,
-)
+from hil.values.fri import MAX_DATAGRAM_BYTES, Release, SessionState
+from hil.values.fri_messages import CommandData, CommandMessage, MonitoringMessage, Vector
 from hil.values.link import Address, Source
 from hil.values.outcomes import Outcome
 from tests.support.virtual import PEER, SOURCE, Bench, RecordingBackend

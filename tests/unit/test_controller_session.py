@@ -8,7 +8,8 @@ from backends.mujoco import MujocoBackend
 from backends.robots import robot_names
 from hil.core.events import ArmResting, ClientRestarted, QualityChanged, StateChanged, TransitionRefused
 from hil.core.settings import FriSettings
-from hil.values.fri import TRAITS, CommandMessage, MonitoringMessage, OperationMode, Quality, Release, SessionState
+from hil.values.fri import TRAITS, OperationMode, Quality, Release, SessionState
+from hil.values.fri_messages import CommandMessage, MonitoringMessage
 from tests.support.virtual import MS, PEER, UNIX_EPOCH_NS, Bench
 
 WAY_UP = [

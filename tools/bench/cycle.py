@@ -19,7 +19,8 @@ from hil.core.controller import FRI_LINK, Controller
 from hil.runtime.assembly import RobotParts, make_controller, open_parts
 from hil.runtime.clock import elapsed_ns
 from hil.values.errors import ConfigurationError
-from hil.values.fri import CommandMessage, ControllerCodec, MonitoringMessage, Release, SessionState
+from hil.values.fri import Release, SessionState
+from hil.values.fri_messages import CommandMessage, ControllerCodec, MonitoringMessage
 from hil.values.link import Address, Source
 from tools.bench.bounds import CYCLE_MEDIAN_US, VIRTUAL_TIME_FACTOR, Bound, at_least, at_most
 from transport.fri import FriCodec

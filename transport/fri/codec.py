@@ -10,16 +10,8 @@ from typing import TypeVar
 from google.protobuf.message import DecodeError
 
 from hil.values.errors import MalformedDatagram
-from hil.values.fri import (
-    COMMAND_IDENTIFIER,
-    MAX_DATAGRAM_BYTES,
-    MONITORING_IDENTIFIER,
-    TRAITS,
-    CommandData,
-    CommandMessage,
-    MonitoringMessage,
-    Release,
-)
+from hil.values.fri import COMMAND_IDENTIFIER, MAX_DATAGRAM_BYTES, MONITORING_IDENTIFIER, TRAITS, Release
+from hil.values.fri_messages import CommandData, CommandMessage, MonitoringMessage
 from hil.values.outcomes import Outcome
 from transport.fri import fri_pb2, reading, writing
 from transport.fri.framing import frame, unframe

@@ -1,6 +1,6 @@
 """Protobuf messages to values. An absent submessage is None, an absent number is None."""
 
-from hil.values.fri import (
+from hil.values.fri_messages import (
     CommandData,
     CommandMessage,
     ConnectionInfo,

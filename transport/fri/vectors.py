@@ -7,7 +7,7 @@ A monitoring message has six of them, and making and filling protobuf objects fo
 from functools import cache
 from struct import Struct
 
-from hil.values.fri import Vector
+from hil.values.fri_messages import Vector
 
 _VALUE = b"\x09"
 """Tag of field 1 as a double: JointValues.value and CartesianVector.value."""

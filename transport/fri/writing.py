@@ -1,6 +1,6 @@
 """Values to protobuf messages. Written out by hand, field by field: this runs once a cycle."""
 
-from hil.values.fri import (
+from hil.values.fri_messages import (
     CommandData,
     CommandMessage,
     ConnectionInfo,
@@ -151,10 +151,9 @@ def _robot(wire: fri_pb2.RobotInfo, robot: RobotInfo) -> None:
 
 
 def _vector(wire: fri_pb2.JointValues | fri_pb2.CommandedWrench, values: Vector | None) -> None:
-    if values:
-        wire.value.extend(values)
-    elif values is not None:
+    if values is not None:
         wire.SetInParent()
+        wire.value.extend(values)
 
 
 def _command(wire: fri_pb2.CommandData, data: CommandData) -> None:

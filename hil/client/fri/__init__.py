@@ -36,18 +36,14 @@ from hil.values.fri import (
     DriveState,
     IODirection,
     IOType,
-    IOValue,
     OperationMode,
     OverlayType,
     Quality,
-    Redundancy,
     Release,
     SafetyState,
     SessionState,
-    TimeStamp,
-    Transformation,
-    Vector,
 )
+from hil.values.fri_messages import IOValue, Redundancy, TimeStamp, Transformation, Vector
 from hil.values.link import Address
 from hil.values.outcomes import Outcome
 from transport.udp import ANY_HOST

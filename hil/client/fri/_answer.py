@@ -10,19 +10,14 @@ from hil.values.errors import MalformedDatagram, UnknownName
 from hil.values.fri import (
     TRAITS,
     ClientCommandMode,
-    CommandData,
     IODirection,
     IOType,
-    IOValue,
-    MonitoringMessage,
     Quality,
-    Redundancy,
     RedundancyStrategy,
     Release,
     SessionState,
-    Transformation,
-    Vector,
 )
+from hil.values.fri_messages import CommandData, IOValue, MonitoringMessage, Redundancy, Transformation, Vector
 from hil.values.outcomes import Outcome
 
 _JOINTS: Final = 7

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from hil.client.fri.errors import CommandShape
-from hil.values.fri import Transformation, Vector
+from hil.values.fri_messages import Transformation, Vector
 
 _LENGTHS = (("joint_position_rad", 7), ("torque_nm", 7), ("wrench", 6), ("pose", 7))
 

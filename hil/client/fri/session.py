@@ -7,7 +7,8 @@ from hil.client.fri.command import Command
 from hil.client.fri.handler import FriHandler
 from hil.client.fri.state import FriState
 from hil.values.errors import MalformedDatagram
-from hil.values.fri import SEQUENCE_MODULUS, CommandMessage, Release, SessionState
+from hil.values.fri import SEQUENCE_MODULUS, Release, SessionState
+from hil.values.fri_messages import CommandMessage
 from hil.values.outcomes import Outcome
 from transport.fri import FriCodec
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from hil.core.fri.sequence import SequenceTracker
 from hil.values.errors import MalformedDatagram
-from hil.values.fri import CommandMessage, ControllerCodec
+from hil.values.fri_messages import CommandMessage, ControllerCodec
 from hil.values.link import Address
 from hil.values.outcomes import Outcome
 

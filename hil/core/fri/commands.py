@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from hil.values.fri import CommandData
+from hil.values.fri_messages import CommandData
 from hil.values.outcomes import Outcome
 from hil.values.robot import JOINT_COUNT, JOINT_NAMES, JointLimits, Seven
 

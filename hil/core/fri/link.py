@@ -20,7 +20,8 @@ from hil.core.motion.executive import MotionExecutive, Phase
 from hil.core.settings import NS_PER_MS, FriSettings
 from hil.core.statistics import Histogram
 from hil.values.arm import ArmState
-from hil.values.fri import CommandMessage, ControllerCodec, Quality, SessionState
+from hil.values.fri import Quality, SessionState
+from hil.values.fri_messages import CommandMessage, ControllerCodec
 from hil.values.link import Address
 from hil.values.outcomes import Outcome
 from hil.values.robot import JOINT_NAMES, JointLimits, Seven

@@ -7,19 +7,21 @@ from hil.values.arm import ArmState
 from hil.values.fri import (
     TRAITS,
     ClientCommandMode,
-    ConnectionInfo,
     ControlMode,
+    OverlayType,
+    Quality,
+    RedundancyStrategy,
+    Release,
+    SafetyState,
+    SessionState,
+)
+from hil.values.fri_messages import (
+    ConnectionInfo,
     IpoData,
     MonitorData,
     MonitoringMessage,
-    OverlayType,
-    Quality,
     Redundancy,
-    RedundancyStrategy,
-    Release,
     RobotInfo,
-    SafetyState,
-    SessionState,
     TimeStamp,
     Transformation,
 )

@@ -1,0 +1,6 @@
+"""Settings of all tests: property tests draw the same cases every time, and no case fails for being slow."""
+
+from hypothesis import settings
+
+settings.register_profile("repeatable", derandomize=True, deadline=None, print_blob=True)
+settings.load_profile("repeatable")
