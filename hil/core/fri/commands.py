@@ -12,10 +12,11 @@ VELOCITY_TOLERANCE = 1e-6
 
 
 class Refusal(NamedTuple):
-    """Why a command is not taken: the counter, and words with axis, value and limit."""
+    """Why a command is not taken: the counter, words with axis, value and limit, whether the motion ends with it."""
 
     outcome: Outcome
     detail: str
+    ends_motion: bool = False
 
 
 def joint_position(data: CommandData | None) -> tuple[Seven, None] | tuple[None, Refusal]:

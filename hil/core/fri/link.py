@@ -1,4 +1,4 @@
-"""The FRI link of one robot: session, quality, admission and the overlay's commander, put together.
+"""The FRI link of one robot: session, quality, admission and the commander of the overlay, put together.
 
 Bytes and times in (:meth:`FriLink.receive`), decisions once a cycle (:meth:`FriLink.progress`), bytes out
 (:meth:`FriLink.message`). It moves nothing but the :class:`MotionExecutive` it is given.
@@ -8,7 +8,8 @@ from collections.abc import Callable
 
 from hil.core.events import ClientRestarted, Event, QualityChanged
 from hil.core.fri.admission import Admission, Admitted, Dropped
-from hil.core.fri.commands import Refusal, joint_position, within_limits
+from hil.core.fri.commander import JointOverlayCommander
+from hil.core.fri.commands import Refusal
 from hil.core.fri.counters import PacketCounters
 from hil.core.fri.expected import ExpectedAnswers
 from hil.core.fri.log import SessionLog
@@ -24,7 +25,7 @@ from hil.values.fri import Quality, SessionState
 from hil.values.fri_messages import CommandMessage, ControllerCodec
 from hil.values.link import Address
 from hil.values.outcomes import Outcome
-from hil.values.robot import JOINT_NAMES, JointLimits, Seven
+from hil.values.robot import JointLimits
 
 
 class FriLink:
@@ -46,11 +47,9 @@ class FriLink:
         self._codec = codec
         self._messages = messages
         self._motion = motion
-        self._limits = limits
         self._emit = emit
         self._stop = stop
         self._cycles_per_message = settings.send_period_ms // cycle_ms
-        self._cycles_per_target = settings.budget_ms // cycle_ms
         self._cycles_until_message = 0
         self._budget_ns = settings.budget_ns
         self._tracker = SequenceTracker()
@@ -60,10 +59,7 @@ class FriLink:
         )
         self._admission = Admission(peer=settings.peer, codec=codec, tracker=self._tracker, budget_ns=self._budget_ns)
         self._known_quality = Quality.POOR
-        self._mirrored = 0
-        self._mirror_problem = "the client has not answered yet"
-        self._accepted_position: Seven | None = None
-        self._accepted_counter = 0
+        self._commander = JointOverlayCommander(settings=settings, cycle_ms=cycle_ms, motion=motion, limits=limits)
         self._overlay_not_before_ns = 0
         self._overlay_ended_because = ""
         self._first_counter_of_state: int | None = None
@@ -101,9 +97,6 @@ class FriLink:
         if admitted.outcome is not Outcome.ACCEPTED:
             self._drop(admitted.outcome, admitted.detail, now_ns)
             return
-        if not self._client_saw_state and self._first_counter_of_state is not None:
-            since = counter_distance(self._first_counter_of_state, message.reflected_sequence_counter)
-            self._client_saw_state = since < REMEMBERED
         refusal = self._take(message, now_ns)
         if refusal is None:
             self.counters.accepted()
@@ -178,69 +171,32 @@ class FriLink:
 
     def _take(self, message: CommandMessage, now_ns: int) -> Refusal | None:
         """Do with the command what the state asks for; return why it is ignored, or None."""
+        if not self._answers_this_state(message):
+            return None
         match self.log.state:
             case SessionState.COMMANDING_ACTIVE:
-                return self._command(message, now_ns)
+                refusal = self._commander.command(message)
+                if refusal is not None and refusal.ends_motion:
+                    self._stop(f"command out of bounds ({refusal.outcome.value}): {refusal.detail}", now_ns)
+                return refusal
             case SessionState.COMMANDING_WAIT:
-                return self._mirror(message, now_ns)
+                refusal = self._commander.mirror(message)
+                if self._commander.mirrors:
+                    self._commander.start()
+                    reason = f"{self._commander.mirrored} answers in a row mirrored the interpolator"
+                    self._go(Trigger.CLIENT_MIRRORS, reason, now_ns)
+                return refusal
             case _:
-                return self._monitor(message)
+                return self._commander.monitor(message)
 
-    def _monitor(self, message: CommandMessage) -> Refusal | None:
-        if message.command is None or message.command.position is None:
-            return None
-        position, refusal = joint_position(message.command)
-        if position is None:
-            return refusal
-        return within_limits(position, position, elapsed_s=1.0, limits=self._limits)
-
-    def _mirror(self, message: CommandMessage, now_ns: int) -> Refusal | None:
-        position, refusal = joint_position(message.command)
-        if position is None:
-            self._mirrored = 0
-            self._mirror_problem = refusal.detail if refusal is not None else ""
-            return refusal
-        off = [abs(there - here) for there, here in zip(position, self._motion.hold_position_rad, strict=True)]
-        worst = max(range(len(off)), key=off.__getitem__)
-        if off[worst] > self._settings.mirror_tolerance_rad:
-            self._mirrored = 0
-            self._mirror_problem = (
-                f"{JOINT_NAMES[worst]} of the answers is {off[worst]:.4f} rad off the interpolator position; "
-                f"{self._settings.mirror_tolerance_rad:g} rad are allowed"
-            )
-            return None
-        self._mirrored += 1
-        self._accepted_position = position
-        self._accepted_counter = message.reflected_sequence_counter
-        if self._mirrored >= self._settings.mirror_answers:
-            self._start_commanding(now_ns)
-        return None
-
-    def _start_commanding(self, now_ns: int) -> None:
-        self._accepted_position = self._motion.hold_position_rad
-        self._motion.start_overlay(cycles_per_target=self._cycles_per_target)
-        self._go(Trigger.CLIENT_MIRRORS, f"{self._mirrored} answers in a row mirrored the interpolator", now_ns)
-
-    def _command(self, message: CommandMessage, now_ns: int) -> Refusal | None:
-        if message.command is None or message.command.position is None:
-            return Refusal(Outcome.SHAPE, "the command has no joint position; the arm stays on the last one")
-        position, refusal = joint_position(message.command)
-        if position is not None and self._accepted_position is not None:
-            periods = counter_distance(self._accepted_counter, message.reflected_sequence_counter)
-            refusal = within_limits(
-                position,
-                self._accepted_position,
-                elapsed_s=periods * self._settings.send_period_ms * 1e-3,
-                limits=self._limits,
-            )
-            if refusal is None:
-                self._accepted_position = position
-                self._accepted_counter = message.reflected_sequence_counter
-                self._motion.retarget(position)
-                return None
-        if refusal is not None:
-            self._stop(f"command out of bounds ({refusal.outcome.value}): {refusal.detail}", now_ns)
-        return refusal
+    def _answers_this_state(self, message: CommandMessage) -> bool:
+        """Whether the client knew the present state; an answer to an earlier one says nothing about this one."""
+        first = self._first_counter_of_state
+        if first is None:
+            return False
+        if not self._client_saw_state:
+            self._client_saw_state = counter_distance(first, message.reflected_sequence_counter) < REMEMBERED
+        return self._client_saw_state
 
     def _guard_commanding(self, now_ns: int) -> None:
         silent_ns = self._meter.missed_in_a_row * self._budget_ns
@@ -252,10 +208,9 @@ class FriLink:
             )
         elif self.quality < Quality.GOOD:
             self._stop(f"quality {self.quality.name} is not enough: {self._meter.describe()}", now_ns)
-        elif self.log.state is SessionState.COMMANDING_WAIT and self._mirror_problem:
-            self.log.refuse(
-                SessionState.COMMANDING_ACTIVE, self._mirror_problem, key=self._mirror_problem, now_ns=now_ns
-            )
+        elif self.log.state is SessionState.COMMANDING_WAIT and (problem := self._commander.problem):
+            kind = self._commander.problem_kind
+            self.log.refuse(SessionState.COMMANDING_ACTIVE, problem, key=kind, now_ns=now_ns)
 
     def _try_ready(self, now_ns: int) -> None:
         if self.quality >= Quality.GOOD:
@@ -285,8 +240,7 @@ class FriLink:
         if refusal := self._no_overlay_because(now_ns, allow_overlay=allow_overlay):
             self.log.refuse(SessionState.COMMANDING_WAIT, refusal, key=refusal, now_ns=now_ns)
             return
-        self._mirrored = 0
-        self._mirror_problem = ""
+        self._commander.wait()
         self._go(Trigger.OVERLAY_STARTED, "the robot application starts a position hold with a joint overlay", now_ns)
 
     def _no_overlay_because(self, now_ns: int, *, allow_overlay: bool) -> str:

@@ -1,0 +1,93 @@
+"""The client as commander of a joint position overlay: first it mirrors the interpolator, then it commands."""
+
+from hil.core.fri.commands import Refusal, joint_position, within_limits
+from hil.core.fri.sequence import counter_distance
+from hil.core.motion.executive import MotionExecutive
+from hil.core.settings import FriSettings
+from hil.values.fri_messages import CommandMessage
+from hil.values.outcomes import Outcome
+from hil.values.robot import JOINT_NAMES, JointLimits, Seven
+
+
+class JointOverlayCommander:
+    """Judges the client's joint positions and hands the legal ones to the motion."""
+
+    def __init__(self, *, settings: FriSettings, cycle_ms: int, motion: MotionExecutive, limits: JointLimits) -> None:
+        self._settings = settings
+        self._cycles_per_target = settings.budget_ms // cycle_ms
+        self._motion = motion
+        self._limits = limits
+        self._accepted_position: Seven = motion.hold_position_rad
+        self._accepted_counter = 0
+        self.mirrored = 0
+        """Answers in a row that mirrored the interpolator position."""
+        self.problem = ""
+        """Why the last answer did not mirror it, in words."""
+        self.problem_kind = ""
+        """The same without the figures, which differ from answer to answer."""
+
+    @property
+    def mirrors(self) -> bool:
+        """Whether enough answers in a row mirrored the interpolator position."""
+        return self.mirrored >= self._settings.mirror_answers
+
+    def wait(self) -> None:
+        """A motion with an overlay was started; the client has to mirror it first."""
+        self.mirrored = 0
+        self.problem = ""
+
+    def mirror(self, message: CommandMessage) -> Refusal | None:
+        """Count an answer that mirrors the interpolator position; return why it is none at all, or None."""
+        position, refusal = joint_position(message.command)
+        if position is None:
+            self.mirrored = 0
+            if refusal is not None:
+                self.problem, self.problem_kind = refusal.detail, refusal.outcome.value
+            return refusal
+        off = [abs(there - here) for there, here in zip(position, self._motion.hold_position_rad, strict=True)]
+        worst = max(range(len(off)), key=off.__getitem__)
+        if off[worst] > self._settings.mirror_tolerance_rad:
+            self.mirrored = 0
+            self.problem_kind = f"{JOINT_NAMES[worst]} is off"
+            self.problem = (
+                f"{JOINT_NAMES[worst]} of the answers is {off[worst]:.4f} rad off the interpolator position; "
+                f"{self._settings.mirror_tolerance_rad:g} rad are allowed"
+            )
+            return None
+        self.mirrored += 1
+        self._accepted_counter = message.reflected_sequence_counter
+        return None
+
+    def start(self) -> None:
+        """The client commands from now on."""
+        self._accepted_position = self._motion.hold_position_rad
+        self._motion.start_overlay(cycles_per_target=self._cycles_per_target)
+
+    def command(self, message: CommandMessage) -> Refusal | None:
+        """Hand a legal position to the motion; return why it is not, or None."""
+        if message.command is None or message.command.position is None:
+            return Refusal(Outcome.SHAPE, "the command has no joint position; the arm stays on the last one")
+        position, refusal = joint_position(message.command)
+        if position is not None:
+            periods = counter_distance(self._accepted_counter, message.reflected_sequence_counter)
+            refusal = within_limits(
+                position,
+                self._accepted_position,
+                elapsed_s=periods * self._settings.send_period_ms * 1e-3,
+                limits=self._limits,
+            )
+            if refusal is None:
+                self._accepted_position = position
+                self._accepted_counter = message.reflected_sequence_counter
+                self._motion.retarget(position)
+                return None
+        return None if refusal is None else refusal._replace(ends_motion=True)
+
+    def monitor(self, message: CommandMessage) -> Refusal | None:
+        """Look at what a monitoring client says; nothing is done with it but to say what is wrong."""
+        if message.command is None or message.command.position is None:
+            return None
+        position, refusal = joint_position(message.command)
+        if position is None:
+            return refusal
+        return within_limits(position, position, elapsed_s=1.0, limits=self._limits)
