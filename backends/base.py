@@ -32,23 +32,38 @@ class InProcessBackend(ABC):
     def read(self) -> ArmState:
         """Return the newest measured state."""
         self._require_open("read")
-        return self._read()
+        try:
+            return self._read()
+        except Exception as error:
+            raise self._failure("read", error) from error
 
     def write(self, command: JointCommand) -> None:
         """Take the command of this cycle."""
         self._require_open("write")
-        self._write(command)
+        try:
+            self._write(command)
+        except Exception as error:
+            raise self._failure("write", error) from error
 
     def step(self) -> None:
         """Let one period pass."""
         self._require_open("step")
-        self._step()
+        try:
+            self._step()
+        except Exception as error:
+            raise self._failure("step", error) from error
 
     def close(self) -> None:
         """Release everything."""
         if self._period_ns is not None:
             self._period_ns = None
             self._close()
+
+    def _failure(self, what: str, error: Exception) -> BackendError:
+        """Whatever a robot side raises is a failure of the robot side, and must reach the shell as one."""
+        if isinstance(error, BackendError):
+            return error
+        return BackendError(f"{type(self).__name__} failed in {what}: {type(error).__name__}: {error}")
 
     def _require_open(self, what: str) -> None:
         if self._period_ns is None:

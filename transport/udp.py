@@ -5,8 +5,12 @@ port would be refused unseen; the second, unconnected socket on the same address
 counted. Both are read by asyncio one datagram a loop pass, so nothing queues here but what the kernel holds.
 """
 
+import asyncio
 import errno
+import fcntl
 import socket
+import struct
+from typing import NamedTuple
 
 import asyncio_dgram
 
@@ -15,6 +19,18 @@ from hil.values.link import Address
 
 ANY_HOST = "0.0.0.0"  # noqa: S104  # compared with, never bound to by default
 RECEIVE_BUFFER_BYTES = 1 << 18
+
+
+_SIOCGSTAMPNS = 0x8907
+_TIMESPEC = struct.Struct("@ll")
+
+
+class Arrival(NamedTuple):
+    """A datagram, who sent it, and when the kernel got it in Unix time; None where the kernel does not say."""
+
+    datagram: bytes
+    sender: Address
+    at_unix_ns: int | None
 
 
 class EndpointClosed(EndpointError):
@@ -51,15 +67,13 @@ class PeerEndpoint:
         except asyncio_dgram.TransportClosed:
             raise EndpointClosed(f"{self.local} is closed") from None
 
-    async def receive(self) -> bytes:
+    async def receive(self) -> Arrival:
         """Return the peer's next datagram; raise :class:`EndpointClosed`."""
-        datagram, _ = await self._receive(self._connected)
-        return datagram
+        return await self._receive(self._connected)
 
-    async def receive_stranger(self) -> tuple[bytes, Address]:
-        """Return the next datagram of anybody else, and who sent it; raise :class:`EndpointClosed`."""
-        datagram, sender = await self._receive(self._others)
-        return datagram, Address(*sender[:2])
+    async def receive_stranger(self) -> Arrival:
+        """Return the next datagram of anybody else; raise :class:`EndpointClosed`."""
+        return await self._receive(self._others)
 
     def close(self) -> None:
         """Close both sockets."""
@@ -68,18 +82,16 @@ class PeerEndpoint:
             self._connected.close()
             self._others.close()
 
-    async def _receive(
-        self, stream: asyncio_dgram.aio.DatagramClient | asyncio_dgram.aio.DatagramServer
-    ) -> tuple[bytes, tuple[str, int]]:
+    async def _receive(self, stream: asyncio_dgram.aio.DatagramClient | asyncio_dgram.aio.DatagramServer) -> Arrival:
         while True:
             try:
-                received: tuple[bytes, tuple[str, int]] = await stream.recv()
+                datagram, (sender, at_unix_ns) = await stream.recv()
             except asyncio_dgram.TransportClosed:
                 raise EndpointClosed(f"{self.local} is closed") from None
             except OSError:
                 self.refused += 1
             else:
-                return received
+                return Arrival(datagram, Address(*sender[:2]), at_unix_ns)
 
     def _fetch_errors(self) -> None:
         while True:
@@ -108,8 +120,8 @@ async def open_peer_endpoint(*, bind: Address, peer: Address) -> PeerEndpoint:
             sock.setblocking(False)
         _connect(first, peer)
         local = Address(*first.getsockname())
-        connected = await asyncio_dgram.from_socket(first)
-        others = await asyncio_dgram.from_socket(second)
+        connected = await _stream(first)
+        others = await _stream(second)
     except BaseException:
         first.close()
         second.close()
@@ -117,8 +129,44 @@ async def open_peer_endpoint(*, bind: Address, peer: Address) -> PeerEndpoint:
     return PeerEndpoint(local=local, peer=peer, connected=connected, others=others)
 
 
+class _StampingProtocol(asyncio_dgram.aio.Protocol):  # type: ignore[misc]  # asyncio-dgram has no types
+    """asyncio-dgram's protocol, which also asks the kernel when it got the datagram that was just read.
+
+    A control loop that was held up for a moment reads late what came in time; only the kernel knows.
+    """
+
+    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+        """Queue the datagram with its sender and its time of arrival."""
+        super().datagram_received(data, (addr, _arrived_unix_ns(self._transport)))
+
+
+async def _stream(sock: socket.socket) -> asyncio_dgram.aio.DatagramClient | asyncio_dgram.aio.DatagramServer:
+    """Return what ``asyncio_dgram.from_socket`` returns, with arrival times in the place of the address."""
+    loop = asyncio.get_running_loop()
+    received: asyncio.Queue[tuple[bytes, tuple[tuple[str, int], int | None]]] = asyncio.Queue()
+    errors: asyncio.Queue[Exception] = asyncio.Queue()
+    drained = asyncio.Event()
+    transport, _ = await loop.create_datagram_endpoint(lambda: _StampingProtocol(received, errors, drained), sock=sock)
+    peer = transport.get_extra_info("peername")
+    if peer is None:
+        return asyncio_dgram.aio.DatagramServer(transport, received, errors, drained)
+    transport._address = peer  # type: ignore[attr-defined]  # as asyncio-dgram does it
+    return asyncio_dgram.aio.DatagramClient(transport, received, errors, drained)
+
+
+def _arrived_unix_ns(transport: asyncio.DatagramTransport) -> int | None:
+    try:
+        answer = fcntl.ioctl(transport.get_extra_info("socket").fileno(), _SIOCGSTAMPNS, bytes(_TIMESPEC.size))
+    except OSError:
+        return None
+    seconds, nanoseconds = _TIMESPEC.unpack(answer)
+    return int(seconds) * 1_000_000_000 + int(nanoseconds)
+
+
 def refuse_shared_port(*, bind: Address, peer: Address) -> None:
     """Raise :class:`ConfigurationError` where a client on this machine could not have its port beside ours."""
+    if peer.port == 0:
+        raise ConfigurationError(f"the client at {peer} needs a port of its own, 1..65535")
     if bind.port == 0 or bind.port != peer.port or not is_local(peer.host):
         return
     if bind.host == ANY_HOST:
@@ -159,7 +207,9 @@ def parse_address(text: str, *, default_port: int) -> Address:
     try:
         port = int(port_text) if colon else default_port
     except ValueError:
-        raise ConfigurationError(f"{text!r}: the port {port_text!r} is no number") from None
+        port = -1
+    if colon and not port_text.isdecimal():
+        raise ConfigurationError(f"{text!r}: the port {port_text!r} is no number")
     if not 0 <= port <= 65535:
         raise ConfigurationError(f"{text!r}: port {port} is outside 0..65535")
     try:

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from hil.config.station import Station, load_station
@@ -35,7 +36,7 @@ def check(file: Annotated[Path, typer.Argument(help="Station file to check.")]) 
     from backends.robots import load_description
     from hil.runtime.assembly import check_backend, fri_addresses
 
-    table = Table("", *(robot.name for robot in station.robot), title=str(file))
+    table = Table("", *(escape(robot.name) for robot in station.robot), title=escape(str(file)))
     columns = []
     for robot in station.robot:
         load_description(robot.model)

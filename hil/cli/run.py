@@ -77,10 +77,15 @@ def station_of(
         raise ConfigurationError(
             f"{path} has {len(robots)} robots, and --fri-{several[0]} can be that of one only: set it in the file"
         )
+    linked = [one for one in robots if one.get("fri") is not None]
+    if "client" in fri and len(robots) == 1:
+        linked = robots
+    if fri and not linked:
+        raise ConfigurationError(f"no robot of {path} has an FRI link for the FRI options; add --fri-client")
     for one in robots:
         one.update(robot)
-        if fri:
-            one["fri"] = {**(one.get("fri") or {}), **fri}
+    for one in linked:
+        one["fri"] = {**(one.get("fri") or {}), **fri}
     if capture is not None:
         content["capture"] = capture
     if realtime:

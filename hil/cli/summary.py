@@ -3,6 +3,7 @@
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 
@@ -10,7 +11,7 @@ def print_summary(status: dict[str, Any]) -> None:
     """Print the figures of a status file as a table, one column a robot."""
     robots: dict[str, Any] = status["robots"]
     console = Console()
-    table = Table("", *robots, title="fri-hil run")
+    table = Table("", *map(escape, robots), title="fri-hil run")
     rows = {name: _figures(robot) for name, robot in robots.items()}
     for label in next(iter(rows.values()), {}):
         table.add_row(label, *(figures.get(label, "-") for figures in rows.values()))
@@ -18,11 +19,11 @@ def print_summary(status: dict[str, Any]) -> None:
     for name, robot in robots.items():
         _print_history(console, name, robot)
     if (capture := status["capture"]) is not None:
-        console.print(f"capture {capture['path']}: {capture['written']} packets, {capture['dropped']} dropped")
+        console.print(f"capture {escape(capture['path'])}: {capture['written']} packets, {capture['dropped']} dropped")
         if capture["error"]:
-            console.print(f"[red]capture: {capture['error']}[/red]")
+            console.print(f"[red]capture: {escape(capture['error'])}[/red]")
     if status["fault"]:
-        console.print(f"[red]fault: {status['fault']}[/red]")
+        console.print(f"[red]fault: {escape(status['fault'])}[/red]")
 
 
 def _figures(robot: dict[str, Any]) -> dict[str, str]:
@@ -57,7 +58,7 @@ def _print_history(console: Console, name: str, robot: dict[str, Any]) -> None:
     session = robot["session"]
     if session is None or not session["history"]:
         return
-    table = Table("time", "session state", "quality", "reason", title=f"{name}: session")
+    table = Table("time", "session state", "quality", "reason", title=f"{escape(name)}: session")
     for change in session["history"][-12:]:
-        table.add_row(f"{change['at_s']:.3f} s", change["to"], change["quality"], change["reason"])
+        table.add_row(f"{change['at_s']:.3f} s", change["to"], change["quality"], escape(change["reason"]))
     console.print(table)

@@ -52,8 +52,8 @@ class FriConfig(_Model):
         Field(description="ADDR[:PORT] to serve from; default: any free port for a client on this machine, else 30200"),
     ] = None
     release: Annotated[Release, Field(description="release of the client's FRI library")] = Release.V1_15
-    send_period_ms: Annotated[int, Field(description="1..100, a multiple of the control cycle")] = 1
-    receive_multiplier: Annotated[int, Field(description="the client answers every n-th message")] = 1
+    send_period_ms: Annotated[int, Field(strict=True, description="1..100, a multiple of the control cycle")] = 1
+    receive_multiplier: Annotated[int, Field(strict=True, description="the client answers every n-th message")] = 1
     overlay: Annotated[Overlay, Field(description="overlay of the robot application")] = Overlay.JOINT_POSITION
     watchdog_ms: Annotated[
         int | None,
@@ -83,11 +83,13 @@ class RobotConfig(_Model):
     model: Annotated[str, Field(description="robot model")] = "lbr-iiwa-14-r820"
     backend: Annotated[str, Field(description="robot side: mujoco or ideal")] = "mujoco"
     mode: Annotated[Mode, Field(description="operation mode")] = Mode.AUT
-    cycle_ms: Annotated[int, Field(description=f"control cycle: {', '.join(map(str, CYCLE_CHOICES_MS))} ms")] = 1
+    cycle_ms: Annotated[
+        int, Field(strict=True, description=f"control cycle: {', '.join(map(str, CYCLE_CHOICES_MS))} ms")
+    ] = 1
     overrun: Annotated[
         Overrun, Field(description="what happens to cycles that could not begin in time: catch-up, skip, fault")
     ] = Overrun.CATCH_UP
-    seed: Annotated[int, Field(ge=0, description="seed of the simulated sensor noise")] = 0
+    seed: Annotated[int, Field(strict=True, ge=0, lt=2**63, description="seed of the simulated sensor noise")] = 0
     fri: Annotated[FriConfig | None, Field(description="FRI link; leave the section out for none")] = None
 
     def settings(self, *, unix_epoch_ns: int, fri_peer: Address | None) -> ControllerSettings:
@@ -108,7 +110,7 @@ class RobotConfig(_Model):
 class Station(_Model):
     """A station: one or more robots, and what the process as a whole does."""
 
-    realtime: Annotated[bool, Field(description="ask for SCHED_FIFO, locked memory and a CPU")] = False
+    realtime: Annotated[bool, Field(strict=True, description="ask for SCHED_FIFO, locked memory and a CPU")] = False
     capture: Annotated[Path | None, Field(description="pcapng file to record all packets to")] = None
     robot: Annotated[list[RobotConfig], Field(min_length=1, max_length=16, description="the robots")]
 
@@ -118,6 +120,12 @@ class Station(_Model):
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ConfigurationError(f"two robots have the name {twice[0]!r}; each needs its own")
+        clients = [robot.fri.client for robot in self.robot if robot.fri is not None]
+        shared = sorted({client for client in clients if clients.count(client) > 1})
+        if shared:
+            raise ConfigurationError(f"two robots have the FRI client {shared[0]!r}; each needs its own")
+        if self.capture is not None and "\0" in str(self.capture):
+            raise ConfigurationError(f"the capture file {str(self.capture)!r} has a NUL in its name")
         return self
 
 
@@ -129,7 +137,7 @@ def load_station(path: Path) -> Station:
         raise ConfigurationError(f"cannot read station file {path}: {error}") from error
     try:
         content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise ConfigurationError(f"station file {path} is no TOML: {error}") from error
     return parse_station(content, where=str(path))
 

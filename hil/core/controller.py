@@ -127,6 +127,13 @@ class Controller:
         if self._motion.at_rest:
             self._finish(now_ns)
 
+    def abandon(self, *, now_ns: int) -> None:
+        """The robot side failed: end every session at once, with what is known of the arm. Nothing moves any more."""
+        if not self.closed:
+            if self._fri is not None:
+                self._fri.end_motion("the robot side failed", now_ns=now_ns)
+            self._finish(now_ns)
+
     def report(self) -> dict[str, object]:
         """Return what the core knows of the run, for the status file; rad, mm/s, microseconds, seconds."""
         fri = self._fri
@@ -162,7 +169,13 @@ class Controller:
 
     def _check_set_point(self, now_ns: int, _started_ns: int) -> None:
         reason = self._monitors.set_point(self._proposed)
-        if reason is not None and self._stop(reason, now_ns):
+        if reason is None:
+            return
+        if self._stop(reason, now_ns):
+            self._proposed = self._motion.propose()
+        # A brake may fail a monitor too: the flange can still get faster while the axes get slower.
+        while not self._motion.at_rest and self._monitors.set_point(self._proposed) is not None:
+            self._motion.brake_harder()
             self._proposed = self._motion.propose()
 
     def _move(self, now_ns: int, _started_ns: int) -> None:

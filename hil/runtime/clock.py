@@ -1,5 +1,6 @@
 """Clocks. Only this module reads one."""
 
+import asyncio
 import time
 from typing import Protocol
 
@@ -40,6 +41,12 @@ class VirtualClock:
 def unix_time_ns() -> int:
     """Return Unix time; for time stamps on the wire and in captures, never for pacing."""
     return time.time_ns()
+
+
+async def let_others_run(passes: int) -> None:
+    """Give every other task and socket of the event loop its turn, ``passes`` times."""
+    for _ in range(passes):
+        await asyncio.sleep(0)  # noqa: TID251  # a turn, not a time
 
 
 def elapsed_ns() -> int:

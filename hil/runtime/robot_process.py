@@ -9,14 +9,20 @@ from hil.core.controller import FRI_LINK, Controller
 from hil.core.events import Event
 from hil.core.settings import NS_PER_MS
 from hil.runtime.assembly import FriAddresses, RobotParts, make_controller, open_parts
-from hil.runtime.clock import Clock, elapsed_ns
+from hil.runtime.clock import Clock, elapsed_ns, let_others_run, unix_time_ns
 from hil.runtime.measurements import RunMeasurements
 from hil.runtime.pacer import Pacer, Tick, open_pacer
 from hil.values.errors import BackendError
 from hil.values.link import Address, Source
-from transport.udp import EndpointClosed, PeerEndpoint, open_peer_endpoint
+from transport.udp import Arrival, EndpointClosed, PeerEndpoint, open_peer_endpoint
 
 CATCH_UP_MOST = 10
+LATE_NS = 300_000
+"""A cycle that begins later than that first reads what arrived meanwhile."""
+SOCKET_PASSES = 3
+"""Passes of the event loop from a datagram in the kernel to the core: read, queued, taken."""
+BELIEVED_WAIT_NS = 1_000_000_000
+"""Longest wait in the kernel that is believed."""
 CLOSING_CYCLES = 3000
 """Cycles an arm gets to brake at the end; the rated braking time is a tenth of that."""
 
@@ -39,6 +45,7 @@ class RobotProcess:
         clock: Clock,
         tell: Callable[[str, Event], None],
         recorder: Recorder | None,
+        on_fault: Callable[[], None],
     ) -> None:
         self.config = config
         self.addresses = addresses
@@ -47,6 +54,7 @@ class RobotProcess:
         self._clock = clock
         self._tell = tell
         self._recorder = recorder
+        self._on_fault = on_fault
         self._controller: Controller | None = None
         self._parts: RobotParts | None = None
         self._endpoint: PeerEndpoint | None = None
@@ -90,12 +98,17 @@ class RobotProcess:
         self._stopping.set()
 
     async def run(self) -> None:
-        """Serve until stopped. A robot side that fails ends the run with :class:`BackendError`."""
+        """Serve until stopped. A robot side that fails ends the session at once, and is told in ``faulted``."""
         pacer = open_pacer(clock=self._clock, first_due_ns=self._epoch_ns, period_ns=self._period_ns)
         try:
             async with asyncio.TaskGroup() as group:
                 listeners = self._listen(group)
-                await self._cycles(pacer)
+                try:
+                    await self._cycles(pacer)
+                except BackendError as error:
+                    self._fault(str(error))
+                    self.controller.abandon(now_ns=self._clock.now_ns() - self._epoch_ns)
+                    await self._send_outgoing()
                 for listener in listeners:
                     listener.cancel()
         finally:
@@ -133,17 +146,17 @@ class RobotProcess:
         closing_cycles = 0
         while not self.controller.closed and closing_cycles < CLOSING_CYCLES:
             tick = await pacer.next_tick()
+            if tick.missed or tick.lateness_ns > LATE_NS:
+                # What came while we were held up is read before anybody is judged by what did not come.
+                await let_others_run(SOCKET_PASSES)
+            if tick.missed:
+                await self._overrun(tick)
             if self._stopping.is_set():
                 self.controller.close(now_ns=tick.due_ns - self._epoch_ns)
                 closing_cycles += 1
-            await self._cycle(tick)
-
-    async def _cycle(self, tick: Tick) -> None:
-        if tick.missed:
-            await self._overrun(tick)
-        await self._one_cycle(tick.due_ns, tick.lateness_ns)
-        for event in self.controller.events():
-            self._tell(self.config.name, event)
+            await self._one_cycle(tick.due_ns, tick.lateness_ns)
+            for event in self.controller.events():
+                self._tell(self.config.name, event)
 
     async def _one_cycle(self, due_ns: int, lateness_ns: int) -> None:
         before_ns = elapsed_ns()
@@ -159,13 +172,17 @@ class RobotProcess:
             case Overrun.SKIP:
                 return
             case Overrun.FAULT:
-                if self.faulted is None:
-                    self.faulted = f"{tick.missed} control cycles were missed, and the overrun policy is fault"
-                self.stop()
+                self._fault(f"{tick.missed} control cycles were missed, and the overrun policy is fault")
             case Overrun.CATCH_UP:
                 for back in range(min(tick.missed, CATCH_UP_MOST), 0, -1):
                     due_ns = tick.due_ns - back * self._period_ns
                     await self._one_cycle(due_ns, self._clock.now_ns() - due_ns)
+                    await let_others_run(SOCKET_PASSES)
+
+    def _fault(self, reason: str) -> None:
+        if self.faulted is None:
+            self.faulted = f"{self.config.name}: {reason}"
+        self._on_fault()
 
     async def _send_outgoing(self) -> None:
         now_ns = self._clock.now_ns() - self._epoch_ns
@@ -190,26 +207,30 @@ class RobotProcess:
         source = Source(FRI_LINK, endpoint.peer)
         while True:
             try:
-                datagram = await endpoint.receive()
+                arrival = await endpoint.receive()
             except EndpointClosed:
                 return
             before_ns = elapsed_ns()
-            self._receive(datagram, source)
+            self._receive(arrival, source)
             self.measurements.between_ticks(elapsed_ns() - before_ns)
 
     async def _listen_to_strangers(self, endpoint: PeerEndpoint) -> None:
         while True:
             try:
-                datagram, sender = await endpoint.receive_stranger()
+                arrival = await endpoint.receive_stranger()
             except EndpointClosed:
                 return
-            self._receive(datagram, Source(FRI_LINK, sender))
+            self._receive(arrival, Source(FRI_LINK, arrival.sender))
 
-    def _receive(self, datagram: bytes, source: Source) -> None:
-        now_ns = self._clock.now_ns() - self._epoch_ns
-        self.controller.receive(datagram, source, now_ns=now_ns)
+    def _receive(self, arrival: Arrival, source: Source) -> None:
+        waited_ns = 0 if arrival.at_unix_ns is None else unix_time_ns() - arrival.at_unix_ns
+        # A clock that was set meanwhile, or a driver that makes up stamps, must not make answers timeless.
+        if not 0 <= waited_ns <= BELIEVED_WAIT_NS:
+            waited_ns = 0
+        now_ns = self._clock.now_ns() - self._epoch_ns - waited_ns
+        self.controller.receive(arrival.datagram, source, now_ns=now_ns)
         if self._endpoint is not None:
-            self._record(now_ns, source.address, self._endpoint.local, datagram)
+            self._record(now_ns, source.address, self._endpoint.local, arrival.datagram)
 
     def _record(self, now_ns: int, source: Address, destination: Address, payload: bytes) -> None:
         if self._recorder is not None:

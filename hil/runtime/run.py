@@ -18,7 +18,7 @@ from hil.runtime.console import Console
 from hil.runtime.progress import progress_line
 from hil.runtime.realtime import Wish, ask_for_realtime
 from hil.runtime.robot_process import RobotProcess
-from hil.values.errors import ConfigurationError, HilError
+from hil.values.errors import ConfigurationError
 from hil.version import VERSION
 
 if TYPE_CHECKING:
@@ -47,12 +47,8 @@ class RunResult:
 
 def run_station(station: Station, options: RunOptions) -> RunResult:
     """Run until SIGINT, SIGTERM or the duration ends it. Raises HilError when it cannot start."""
-    if options.status_json is not None and not options.status_json.parent.is_dir():
-        raise ConfigurationError(f"cannot write {options.status_json}: there is no folder {options.status_json.parent}")
-    result = asyncio.run(_Run(station, options).run())
-    if options.status_json is not None:
-        options.status_json.write_text(json.dumps(result.status, indent=2) + "\n", encoding="utf-8")
-    return result
+    _check_status_file(options.status_json, capture=station.capture)
+    return asyncio.run(_Run(station, options).run())
 
 
 class _Run:
@@ -66,6 +62,15 @@ class _Run:
         self._epoch_ns = 0
 
     async def run(self) -> RunResult:
+        # Signals ask for an orderly end from here to the last written byte, however often they come.
+        with _stop_on_signals(self._stop):
+            result = await self._run()
+            if self._options.status_json is not None:
+                text = json.dumps(result.status, indent=2) + "\n"
+                self._options.status_json.write_text(text, encoding="utf-8")
+            return result
+
+    async def _run(self) -> RunResult:
         recorder: CaptureProcess | None = None
         fault: str | None = None
         capture: CaptureSummary | None = None
@@ -87,7 +92,12 @@ class _Run:
 
     def _robot(self, config: RobotConfig, recorder: "CaptureProcess | None") -> RobotProcess:
         return RobotProcess(
-            config, addresses=fri_addresses(config), clock=self._clock, tell=self._tell, recorder=recorder
+            config,
+            addresses=fri_addresses(config),
+            clock=self._clock,
+            tell=self._tell,
+            recorder=recorder,
+            on_fault=self._stop,
         )
 
     def _open_capture(self) -> "CaptureProcess | None":
@@ -112,26 +122,18 @@ class _Run:
             self._console.say(f"realtime: {wish.what}: {'yes' if wish.granted else 'NOT GRANTED'}, {wish.detail}")
 
     async def _serve(self) -> str | None:
-        with _stop_on_signals(self._stop), _repeated(self._options.progress_s, self._say_progress):
+        with _repeated(self._options.progress_s, self._say_progress):
             deadline = None
             if self._options.duration_s is not None:
                 deadline = asyncio.get_running_loop().call_later(self._options.duration_s, self._stop)
             try:
-                await self._run_robots()
-            except BaseExceptionGroup as errors:
-                ours, others = errors.split(HilError)
-                if others is not None or ours is None:
-                    raise
-                return "; ".join(str(error) for error in _leaves(ours))
+                async with asyncio.TaskGroup() as group:
+                    for robot in self._robots:
+                        group.create_task(robot.run(), name=f"robot {robot.config.name}")
             finally:
                 if deadline is not None:
                     deadline.cancel()
-        return next((robot.faulted for robot in self._robots if robot.faulted is not None), None)
-
-    async def _run_robots(self) -> None:
-        async with asyncio.TaskGroup() as group:
-            for robot in self._robots:
-                group.create_task(robot.run(), name=f"robot {robot.config.name}")
+        return "; ".join(robot.faulted for robot in self._robots if robot.faulted is not None) or None
 
     def _stop(self) -> None:
         for robot in self._robots:
@@ -204,9 +206,12 @@ def _repeated(period_s: float, action: Callable[[], None]) -> Iterator[None]:
             handle.cancel()
 
 
-def _leaves(group: BaseExceptionGroup[HilError]) -> Iterator[BaseException]:
-    for error in group.exceptions:
-        if isinstance(error, BaseExceptionGroup):
-            yield from _leaves(error)
-        else:
-            yield error
+def _check_status_file(file: Path | None, *, capture: Path | None) -> None:
+    if file is None:
+        return
+    if not file.parent.is_dir():
+        raise ConfigurationError(f"cannot write {file}: there is no folder {file.parent}")
+    if file.is_dir():
+        raise ConfigurationError(f"cannot write {file}: that is a folder")
+    if capture is not None and file.resolve() == capture.resolve():
+        raise ConfigurationError(f"{file} cannot be both the status file and the capture")

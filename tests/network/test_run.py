@@ -32,6 +32,17 @@ def test_a_signal_brakes_closes_the_session_and_reports(tmp_path: Path, number: 
     assert report["capture"]["written"] > 0
 
 
+def test_a_second_ctrl_c_loses_nothing(tmp_path: Path) -> None:
+    status, capture = tmp_path / "status.json", tmp_path / "run.pcapng"
+    controller = hil("run", "--fri-client", own_host(), "--status-json", status, "--capture", capture)
+    wait_for_line(controller, "IDLE -> MONITORING_WAIT")
+    for _ in range(3):
+        controller.send_signal(signal.SIGINT)
+    ended = finish(controller)
+    assert ended.code in {0, 130, -signal.SIGINT}, ended.err
+    assert json.loads(status.read_text())["capture"]["error"] is None
+
+
 def test_a_stranger_is_counted_and_answered_nothing(tmp_path: Path) -> None:
     host, bound, status = own_host(), own_host(), tmp_path / "status.json"
     controller = hil(
@@ -67,6 +78,9 @@ def test_a_stranger_is_counted_and_answered_nothing(tmp_path: Path) -> None:
         (["--fri-client", "no.such.host.invalid"], "there is no host 'no.such.host.invalid'"),
         (["--capture", "/nowhere/at/all.pcapng"], "/nowhere/at/all.pcapng"),
         (["--status-json", "/nowhere/at/all.json"], "there is no folder /nowhere/at"),
+        (["--status-json", "/tmp"], "that is a folder"),  # noqa: S108
+        (["--status-json", "/tmp/x", "--capture", "/tmp/x"], "cannot be both"),  # noqa: S108
+        (["--fri-client", "127.0.0.1:0"], "needs a port of its own"),
         (["nothing.toml"], "cannot read station file nothing.toml"),
     ],
 )

@@ -184,3 +184,16 @@ def test_a_monitoring_message_is_no_command() -> None:
     with pytest.raises(MalformedDatagram) as caught:
         codec.decode_command(monitoring)
     assert caught.value.outcome in {Outcome.OTHER_RELEASE, Outcome.UNDECODABLE}
+
+
+@pytest.mark.parametrize("release", list(Release))
+def test_a_name_that_is_no_utf8_is_no_message(release: Release) -> None:
+    codec = FriCodec(release)
+    size = TRAITS[release].transformation_values
+    good = codec.encode_command(
+        CommandMessage(0, 0, CommandData(transformations=(Transformation("NAME", (0.0,) * size),)))
+    )
+    body = (good[4:-4] if TRAITS[release].framed else good).replace(b"NAME", b"\xff\xfe\xff\xfe")
+    with pytest.raises(MalformedDatagram, match="is no UTF-8") as caught:
+        codec.decode_command(frame(body) if TRAITS[release].framed else body)
+    assert caught.value.outcome is Outcome.UNDECODABLE

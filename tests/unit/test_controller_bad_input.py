@@ -11,7 +11,7 @@ from hil.core.controller import FRI_LINK
 from hil.core.events import PacketDropped
 from hil.core.settings import FriSettings
 from hil.values.fri import MAX_DATAGRAM_BYTES, Release, SessionState
-from hil.values.fri_messages import CommandData, CommandMessage, MonitoringMessage, Vector
+from hil.values.fri_messages import CommandData, CommandMessage, IOValue, MonitoringMessage, Vector
 from hil.values.link import Address, Source
 from hil.values.outcomes import Outcome
 from tests.support.virtual import PEER, SOURCE, Bench, RecordingBackend
@@ -210,17 +210,52 @@ def test_a_command_that_could_not_stop_in_range_is_refused() -> None:
     assert max(command.position_rad[3] for command in bench.backend.commands) <= limits.position_max_rad[3]
 
 
+def test_silence_in_words_is_silence_too() -> None:
+    bench = active()
+    bench.client.change = lambda command, _: command._replace(command=None)
+    bench.run(0.04)
+    states = [bench.state]
+    bench.run(0.02)
+    states.append(bench.state)
+    assert states[0] is SessionState.COMMANDING_ACTIVE
+    assert states[1] is not SessionState.COMMANDING_ACTIVE
+    assert any("no joint position" in reason for reason in bench.reasons())
+
+
+def test_a_pause_does_not_buy_a_long_step() -> None:
+    bench = active()
+    pause = bench.client.received + 40
+    target = shifted(0, 0.2)(bench.description.initial_position_rad)
+
+    def leap(command: CommandMessage, _: MonitoringMessage) -> CommandMessage:
+        if bench.client.received < pause:
+            return command._replace(command=None)
+        return command._replace(command=CommandData(position=target))
+
+    bench.client.change = leap
+    bench.run(0.06)
+    assert bench.dropped(Outcome.AXIS_VELOCITY) == 1
+    bench.run(0.5)
+    assert_commands_are_legal(bench)
+
+
 def test_torques_and_wrenches_are_not_taken_by_a_position_overlay() -> None:
     bench = active()
     position = bench.description.initial_position_rad
-    for data in (CommandData(position, torque=(0.0,) * 7), CommandData(position, wrench=(0.0,) * 6)):
+    kinds = (
+        CommandData(position, torque=(0.0,) * 7),
+        CommandData(position, wrench=(0.0,) * 6),
+        CommandData(torque=(0.0,) * 7),
+        CommandData(position, inputs_outputs=(IOValue("Nobody.Listed", 1, 1, 7),)),
+    )
+    for data in kinds:
         bench.run_until(SessionState.COMMANDING_ACTIVE)
         inject_instead(
             bench,
             bench.codec.encode_command(CommandMessage(bench.client.sequence + 1, bench.client.received, data)),
         )
         bench.run(0.1)
-    assert bench.dropped(Outcome.NOT_ALLOWED) == 2
+    assert bench.dropped(Outcome.NOT_ALLOWED) == len(kinds)
     assert any("carries torques" in reason for reason in bench.reasons())
 
 

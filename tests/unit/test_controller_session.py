@@ -2,15 +2,19 @@
 
 import itertools
 
+import numpy as np
 import pytest
 
 from backends.mujoco import MujocoBackend
-from backends.robots import robot_names
+from backends.robots import load_pinocchio, robot_names
 from hil.core.events import ArmResting, ClientRestarted, QualityChanged, StateChanged, TransitionRefused
+from hil.core.model import ArmModel
+from hil.core.motion.executive import MotionExecutive
 from hil.core.settings import FriSettings
+from hil.values.errors import IllegalTransition
 from hil.values.fri import TRAITS, OperationMode, Quality, Release, SessionState
-from hil.values.fri_messages import CommandMessage, MonitoringMessage
-from tests.support.virtual import MS, PEER, UNIX_EPOCH_NS, Bench
+from hil.values.fri_messages import CommandData, CommandMessage, MonitoringMessage
+from tests.support.virtual import MS, PEER, UNIX_EPOCH_NS, Bench, RecordingBackend
 
 WAY_UP = [
     SessionState.MONITORING_WAIT,
@@ -232,3 +236,84 @@ def test_t1_flange_speed_is_limited_before_the_backend_sees_it() -> None:
     speed = bench.report()["max_flange_speed_mm_s"]
     assert isinstance(speed, float)
     assert 200 < speed <= 250.0
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_in_t1_no_set_point_moves_the_flange_faster_even_while_braking(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    bench = Bench(mode=OperationMode.T1)
+    velocity = random.uniform(-1, 1, 7) * bench.description.limits.velocity_rad_s
+    velocity *= random.uniform(0.3, 1.0)
+    start = np.array(bench.description.initial_position_rad)
+    offset = np.zeros(7)
+    share = 0.0
+
+    def rush(command: CommandMessage, message: MonitoringMessage) -> CommandMessage:
+        nonlocal offset, share
+        assert message.connection is not None
+        if message.connection.session_state != SessionState.COMMANDING_ACTIVE:
+            offset, share = np.zeros(7), 0.0
+            return command
+        share = min(1.0, share + 0.01)
+        offset = offset + velocity * share * 1e-3
+        return command._replace(command=CommandData(position=tuple((start + offset).tolist())))
+
+    bench.client.change = rush
+    bench.run_until(SessionState.COMMANDING_ACTIVE)
+    bench.run(0.8)
+    assert isinstance(bench.backend, RecordingBackend)
+    model = ArmModel(load_pinocchio(bench.description.name))
+    speeds = [model.flange_speed_mm_s(*command) for command in bench.backend.commands]
+    assert max(speeds) <= 250.0 * (1 + 1e-9)
+    if bench.controller.stops:
+        assert bench.backend.commands[-1].velocity_rad_s == (0.0,) * 7
+
+
+def test_braking_harder_stops_from_where_it_is() -> None:
+    limits = Bench().description.limits
+    executive = MotionExecutive((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), limits=limits, cycle_s=1e-3)
+    with pytest.raises(IllegalTransition):
+        executive.brake_harder()
+    executive.start_overlay(cycles_per_target=1)
+    executive.retarget((1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3))
+    executive.commit(executive.propose())
+    executive.brake()
+    for _ in range(20):
+        executive.brake_harder()
+    at = executive.set_point.position_rad
+    assert executive.propose().position_rad == at
+    assert executive.commit(executive.propose())
+
+
+def test_a_long_stall_of_our_own_is_not_the_clients_fault() -> None:
+    bench = Bench()
+    bench.run_until(SessionState.COMMANDING_ACTIVE)
+    bench.run(0.7)
+    bench.now_ns += 1_500 * MS
+    bench.run(0.3)
+    assert bench.state is SessionState.COMMANDING_ACTIVE
+    assert bench.reasons() == []
+
+
+def test_an_answer_that_comes_before_its_message_left_is_survived() -> None:
+    bench = Bench()
+    bench.run(0.1)
+    bench.now_ns += MS
+    bench.controller.tick(now_ns=bench.now_ns)
+    bench.inject(bench.codec.encode_command(CommandMessage(bench.client.sequence, bench.client.received)))
+    assert len(bench.controller.outgoing(now_ns=bench.now_ns + 1000)) == 1
+
+
+def test_events_cannot_be_flooded_by_a_client() -> None:
+    bench = Bench()
+    bench.client.change = lambda command, _: command._replace(sequence_counter=7)
+    bench.run(3.0)
+    assert sum(isinstance(event, ClientRestarted) for event in bench.events) <= 4
+    random = np.random.default_rng(1)
+    bench = Bench()
+    bench.client.change = lambda command, _: command._replace(
+        command=CommandData(position=(random.uniform(0.2, 0.5), 0.5, 0.0, 0.7, 0.0, 1.5, 0.0))
+    )
+    bench.run(3.0)
+    assert bench.state is SessionState.COMMANDING_WAIT
+    assert sum(isinstance(event, TransitionRefused) for event in bench.events) < 10

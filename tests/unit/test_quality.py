@@ -78,3 +78,11 @@ def test_it_never_rises_by_more_than_one_level_and_counts_its_window(answers: li
         window = answers[max(0, index + 1 - 1000 // budget_ms) : index + 1]
         assert meter.expected_count == len(window)
         assert meter.answered_count == sum(latency is not None for latency in window)
+
+
+def test_a_nearly_empty_window_lowers_nothing() -> None:
+    meter = meter_after([100] * 2000)
+    meter.missed(now_ns=5_000 * MS)
+    assert meter.expected_count == 1
+    assert meter.quality is Quality.EXCELLENT
+    assert meter.missed_in_a_row == 1

@@ -46,7 +46,12 @@ async def run(
     clock = VirtualClock()
     events: list[Event] = []
     process = RobotProcess(
-        config, addresses=None, clock=clock, tell=lambda _, event: events.append(event), recorder=None
+        config,
+        addresses=None,
+        clock=clock,
+        tell=lambda _, event: events.append(event),
+        recorder=None,
+        on_fault=lambda: process.stop(),  # noqa: PLW0108  # there is no process yet
     )
     monkeypatch.setattr(robot_process, "open_pacer", lambda **_: ScriptedPacer(clock, script))
     await process.open()
@@ -109,9 +114,9 @@ async def test_a_failing_robot_side_ends_the_run_with_its_error(monkeypatch: pyt
         return RobotParts(parts.description, parts.model, backend)
 
     monkeypatch.setattr(robot_process, "open_parts", failing_parts)
-    with pytest.raises(BaseExceptionGroup) as caught:
-        await run(monkeypatch, config(), [1], stop_after=1000)
-    assert caught.group_contains(BackendError, match="on fire")
+    process, _ = await run(monkeypatch, config(), [1], stop_after=1000)
+    assert process.faulted == "arm: the arm is on fire"
+    assert process.controller.closed
 
 
 async def test_a_robot_without_fri_runs_too(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -66,3 +66,13 @@ def test_no_message_is_ever_accepted_twice(first: int, reflected: list[int]) -> 
             accepted.append(index)
     assert accepted == sorted(set(accepted))
     assert all(index < 40 for index in accepted)
+
+
+def test_months_without_an_answer_order_nothing_wrongly() -> None:
+    tracker = tracker_with(10)
+    tracker.answered(9, client_counter=0)
+    tracker.next_counter = 2**31 + 100
+    for index in range(5):
+        tracker.sent(at_ns=index)
+    assert tracker.judge(2**31 + 104, now_ns=10).outcome is Outcome.ACCEPTED
+    assert tracker.judge(9, now_ns=10).outcome is not Outcome.ACCEPTED

@@ -51,6 +51,15 @@ def test_the_template_is_the_defaults_and_names_every_choice() -> None:
             "send period 50 ms x receive multiplier 3 = 150 ms is more than 100 ms",
         ),
         ("[[robot]]\n[[robot]]", "two robots have the name 'arm'; each needs its own"),
+        ("[[robot]]\ncycle_ms = true", "robot[1].cycle_ms: Input should be a valid integer, got True"),
+        ("[[robot]]\nseed = -1", "robot[1].seed: Input should be greater than or equal to 0"),
+        ("[[robot]]\nseed = " + "9" * 5000, "is no TOML"),
+        ("x = " + "[" * 5000, "is no TOML"),
+        ('capture = "a\\u0000b"\n[[robot]]', "has a NUL in its name"),
+        (
+            '[[robot]]\n[robot.fri]\n[[robot]]\nname = "b"\n[robot.fri]',
+            "two robots have the FRI client '127.0.0.1:30200'; each needs its own",
+        ),
         ("[[robot]]\nname = 5", "robot[1].name: Input should be a valid string, got 5"),
         ("robot = [", "is no TOML"),
     ],
@@ -90,7 +99,7 @@ def test_options_override_the_file(tmp_path: Path) -> None:
     station = station_of(file, robot={"mode": "T1"}, fri={"send_period_ms": 4}, capture=Path("c.pcapng"), realtime=True)
     assert [robot.mode for robot in station.robot] == ["T1", "T1"]
     assert [robot.backend for robot in station.robot] == ["mujoco", "ideal"]
-    assert [robot.fri.send_period_ms for robot in station.robot if robot.fri is not None] == [4, 4]
+    assert [None if robot.fri is None else robot.fri.send_period_ms for robot in station.robot] == [4, None]
     assert station.capture == Path("c.pcapng")
     assert station.realtime
 
@@ -100,6 +109,15 @@ def test_an_address_cannot_be_that_of_two_robots(tmp_path: Path) -> None:
     file.write_text(TWO)
     with pytest.raises(ConfigurationError, match="has 2 robots, and --fri-client can be that of one only"):
         station_of(file, robot={}, fri={"client": "127.0.0.1:30200"}, capture=None, realtime=False)
+
+
+def test_fri_options_need_a_robot_with_fri(tmp_path: Path) -> None:
+    file = tmp_path / "plain.toml"
+    file.write_text("[[robot]]\n")
+    with pytest.raises(ConfigurationError, match="has an FRI link for the FRI options; add --fri-client"):
+        station_of(file, robot={}, fri={"send_period_ms": 4}, capture=None, realtime=False)
+    linked = station_of(file, robot={}, fri={"client": "127.0.0.1:30203"}, capture=None, realtime=False)
+    assert linked.robot[0].fri is not None
 
 
 def test_without_a_file_there_is_one_robot_with_fri() -> None:

@@ -2,9 +2,12 @@
 
 import asyncio
 import socket
+import sys
+import threading
 
 import pytest
 
+from hil.runtime.clock import unix_time_ns
 from hil.values.errors import ConfigurationError, EndpointError
 from hil.values.link import Address
 from tests.support.processes import own_host
@@ -30,9 +33,11 @@ async def test_the_peer_and_strangers_are_heard_apart() -> None:
             stranger.sendto(b"stranger %d" % number, endpoint.local)
             peer.sendto(b"peer %d" % number, endpoint.local)
         async with asyncio.timeout(5):
-            assert [await endpoint.receive() for _ in range(5)] == [b"peer %d" % number for number in range(5)]
+            answers = [await endpoint.receive() for _ in range(5)]
             heard = [await endpoint.receive_stranger() for _ in range(5)]
-        assert {sender for _, sender in heard} == {address_of(stranger)}
+        assert [arrival.datagram for arrival in answers] == [b"peer %d" % number for number in range(5)]
+        assert {arrival.sender for arrival in answers} == {address_of(peer)}
+        assert {arrival.sender for arrival in heard} == {address_of(stranger)}
         await endpoint.send(b"hello")
         assert await asyncio.get_running_loop().sock_recv(peer, 100) == b"hello"
         with pytest.raises(BlockingIOError):
@@ -41,6 +46,24 @@ async def test_the_peer_and_strangers_are_heard_apart() -> None:
         endpoint.close()
         with pytest.raises(EndpointClosed):
             await endpoint.send(b"too late")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells when the kernel got a datagram")
+async def test_the_kernel_says_when_a_datagram_came_however_late_it_is_read() -> None:
+    host = own_host()
+    with udp(host) as peer:
+        endpoint = await open_peer_endpoint(bind=Address(host, 0), peer=address_of(peer))
+        async with asyncio.timeout(5):
+            peer.sendto(b"first", endpoint.local)
+            await endpoint.receive()
+            peer.sendto(b"in time", endpoint.local)
+            sent_ns = unix_time_ns()
+            threading.Event().wait(0.05)
+            arrival = await endpoint.receive()
+        endpoint.close()
+    assert arrival.at_unix_ns is not None
+    assert abs(arrival.at_unix_ns - sent_ns) < 20_000_000
+    assert unix_time_ns() - arrival.at_unix_ns >= 50_000_000
 
 
 async def test_nobody_listening_is_counted_and_every_datagram_is_still_sent() -> None:
@@ -86,6 +109,11 @@ async def test_an_address_that_is_not_ours_is_named() -> None:
         await open_peer_endpoint(bind=Address("192.0.2.1", 30200), peer=Address("127.0.0.1", 30201))
 
 
+def test_a_client_needs_a_port() -> None:
+    with pytest.raises(ConfigurationError, match=r"the client at 127\.0\.0\.1:0 needs a port of its own"):
+        refuse_shared_port(bind=Address("127.0.0.2", 30200), peer=Address("127.0.0.1", 0))
+
+
 def test_a_port_is_not_shared_with_a_client_on_this_machine() -> None:
     for host in ("0.0.0.0", "127.0.0.1"):  # noqa: S104
         with pytest.raises(ConfigurationError, match="cannot bind"):
@@ -101,6 +129,6 @@ def test_defaults_and_addresses() -> None:
     assert default_bind(Address("127.0.0.5", 30200)) == Address("127.0.0.5", 0)
     assert parse_address("127.0.0.9", default_port=30200) == Address("127.0.0.9", 30200)
     assert parse_address("localhost:7", default_port=30200) == Address("127.0.0.1", 7)
-    for text in ("127.0.0.1:x", "127.0.0.1:99999", "no.such.host.invalid", "a" * 300):
+    for text in ("127.0.0.1:x", "127.0.0.1:3_0", "127.0.0.1:99999", "no.such.host.invalid", "a" * 300):
         with pytest.raises(ConfigurationError, match=text[:20]):
             parse_address(text, default_port=1)

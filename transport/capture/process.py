@@ -35,6 +35,8 @@ _SEND_BUFFER_BYTES = 4 << 20
 """Asked for; the system grants at most net.core.wmem_max."""
 _MAX_WAITING_BATCHES = 256
 """More than 16 000 packets: two seconds of four arms at 1 kHz."""
+_MAX_ROUTES = 1024
+"""Remembered pairs of addresses; strangers may come from any number of them."""
 _SENDS_PER_FLUSH = 2
 """Catches up twice as fast as it fell behind, and a flush costs no more than two system calls."""
 
@@ -90,6 +92,8 @@ class CaptureProcess:
         route = self._routes.get((source, destination))
         if route is None:
             route = pack_endpoint(source) + pack_endpoint(destination)
+            if len(self._routes) >= _MAX_ROUTES:
+                self._routes.clear()
             self._routes[source, destination] = route
         size = len(payload)
         if size > MAX_PAYLOAD_BYTES:

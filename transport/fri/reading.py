@@ -1,5 +1,6 @@
 """Protobuf messages to values. An absent submessage is None, an absent number is None."""
 
+from hil.values.errors import MalformedDatagram
 from hil.values.fri_messages import (
     CommandData,
     CommandMessage,
@@ -15,6 +16,7 @@ from hil.values.fri_messages import (
     Transformation,
     Vector,
 )
+from hil.values.outcomes import Outcome
 from transport.fri import fri_pb2
 
 
@@ -113,7 +115,14 @@ def _ipo(wire: fri_pb2.IpoData) -> IpoData:
 def _transformation(
     wire: fri_pb2.Transformation | fri_pb2.CommandedTransformation,
 ) -> Transformation:
-    return Transformation(wire.name, tuple(wire.value), _time_stamp(wire.at) if wire.HasField("at") else None)
+    return Transformation(_text(wire.name), tuple(wire.value), _time_stamp(wire.at) if wire.HasField("at") else None)
+
+
+def _text(name: str | bytes) -> str:
+    """Return a name; one that is no UTF-8, which the parser hands over as bytes, is no message."""
+    if isinstance(name, bytes):
+        raise MalformedDatagram(Outcome.UNDECODABLE, f"the name {name!r} is no UTF-8")
+    return name
 
 
 def _redundancy(wire: fri_pb2.RedundancyInformation) -> Redundancy:
@@ -126,7 +135,7 @@ def _time_stamp(wire: fri_pb2.TimeStamp) -> TimeStamp:
 
 def _io(wire: fri_pb2.IOValue) -> IOValue:
     return IOValue(
-        wire.name,
+        _text(wire.name),
         wire.type,
         wire.direction,
         wire.digital if wire.HasField("digital") else None,

@@ -3,7 +3,7 @@
 from hil.core.fri.commands import Refusal, joint_position, within_limits
 from hil.core.fri.sequence import counter_distance
 from hil.core.motion.executive import MotionExecutive
-from hil.core.settings import FriSettings
+from hil.core.settings import NS_PER_MS, FriSettings
 from hil.values.fri_messages import CommandMessage
 from hil.values.outcomes import Outcome
 from hil.values.robot import JOINT_NAMES, JointLimits, Seven
@@ -19,6 +19,7 @@ class JointOverlayCommander:
         self._limits = limits
         self._accepted_position: Seven = motion.hold_position_rad
         self._accepted_counter = 0
+        self._silent_answers = 0
         self.mirrored = 0
         """Answers in a row that mirrored the interpolator position."""
         self.problem = ""
@@ -61,27 +62,40 @@ class JointOverlayCommander:
     def start(self) -> None:
         """The client commands from now on."""
         self._accepted_position = self._motion.hold_position_rad
+        self._silent_answers = 0
         self._motion.start_overlay(cycles_per_target=self._cycles_per_target)
 
     def command(self, message: CommandMessage) -> Refusal | None:
         """Hand a legal position to the motion; return why it is not, or None."""
-        if message.command is None or message.command.position is None:
-            return Refusal(Outcome.SHAPE, "the command has no joint position; the arm stays on the last one")
         position, refusal = joint_position(message.command)
-        if position is not None:
-            periods = counter_distance(self._accepted_counter, message.reflected_sequence_counter)
-            refusal = within_limits(
-                position,
-                self._accepted_position,
-                elapsed_s=periods * self._settings.send_period_ms * 1e-3,
-                limits=self._limits,
-            )
-            if refusal is None:
-                self._accepted_position = position
-                self._accepted_counter = message.reflected_sequence_counter
-                self._motion.retarget(position)
-                return None
-        return None if refusal is None else refusal._replace(ends_motion=True)
+        if position is None:
+            return self._without_position(message, refusal)
+        periods = counter_distance(self._accepted_counter, message.reflected_sequence_counter)
+        elapsed_ns = min(periods * self._settings.send_period_ms * NS_PER_MS, self._settings.watchdog_ns)
+        refusal = within_limits(
+            position,
+            self._accepted_position,
+            elapsed_s=elapsed_ns * 1e-9,
+            approach_s=self._settings.budget_ns * 1e-9,
+            limits=self._limits,
+        )
+        if refusal is not None:
+            return refusal._replace(ends_motion=True)
+        self._silent_answers = 0
+        self._accepted_position = position
+        self._accepted_counter = message.reflected_sequence_counter
+        self._motion.retarget(position)
+        return None
+
+    def _without_position(self, message: CommandMessage, refusal: Refusal | None) -> Refusal | None:
+        """An answer that commands nothing holds the arm; for as long as the watchdog would bear silence."""
+        data = message.command
+        if refusal is None or refusal.outcome is not Outcome.SHAPE or (data is not None and data.position is not None):
+            return None if refusal is None else refusal._replace(ends_motion=True)
+        self._accepted_counter = message.reflected_sequence_counter
+        self._silent_answers += 1
+        silent_ns = self._silent_answers * self._settings.budget_ns
+        return refusal._replace(ends_motion=silent_ns >= self._settings.watchdog_ns)
 
     def monitor(self, message: CommandMessage) -> Refusal | None:
         """Look at what a monitoring client says; nothing is done with it but to say what is wrong."""
@@ -90,4 +104,4 @@ class JointOverlayCommander:
         position, refusal = joint_position(message.command)
         if position is None:
             return refusal
-        return within_limits(position, position, elapsed_s=1.0, limits=self._limits)
+        return within_limits(position, position, elapsed_s=1.0, approach_s=1.0, limits=self._limits)

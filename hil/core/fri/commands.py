@@ -21,12 +21,12 @@ class Refusal(NamedTuple):
 
 def joint_position(data: CommandData | None) -> tuple[Seven, None] | tuple[None, Refusal]:
     """Return the commanded joint position of a command for a joint position overlay, or why there is none."""
-    if data is None or data.position is None:
-        return None, Refusal(Outcome.SHAPE, "the command has no joint position")
-    if not_taken := _not_taken(data):
+    if data is not None and (not_taken := _not_taken(data)):
         return None, Refusal(
             Outcome.NOT_ALLOWED, f"the command carries {not_taken}; the running overlay takes joint positions"
         )
+    if data is None or data.position is None:
+        return None, Refusal(Outcome.SHAPE, "the command has no joint position")
     position = data.position
     if len(position) != JOINT_COUNT:
         return None, Refusal(Outcome.SHAPE, f"{len(position)} joint positions, {JOINT_COUNT} are needed")
@@ -41,17 +41,24 @@ def _not_taken(data: CommandData) -> str | None:
         return "torques"
     if data.wrench is not None:
         return "a wrench"
-    if data.pose is not None:
+    if data.pose is not None or data.redundancy is not None:
         return "a Cartesian pose"
+    if data.inputs_outputs:
+        return "outputs the controller does not list"
+    if data.transformations:
+        return "transformations the controller did not ask for"
     return None
 
 
-def within_limits(target: Seven, previous: Seven, *, elapsed_s: float, limits: JointLimits) -> Refusal | None:
+def within_limits(
+    target: Seven, previous: Seven, *, elapsed_s: float, approach_s: float, limits: JointLimits
+) -> Refusal | None:
     """Return why ``target`` is out of bounds, or None.
 
-    ``previous`` is the last accepted position and ``elapsed_s`` the time the client had for the step. A target is out
-    of bounds outside the axis range, when the step is faster than the axis may move, and when the arm, moving that
-    fast, could not stop before the end of the axis range with its rated deceleration.
+    ``previous`` is the last accepted position, ``elapsed_s`` the time the client had for the step, and ``approach_s``
+    the time in which the interpolator will make it, if the axis can. A target is out of bounds outside the axis range,
+    when the step is faster than the axis may move, and when the axis, arriving as fast as the interpolator will let it,
+    could not stop before the end of its range with its rated deceleration.
     """
     rows = zip(
         target,
@@ -69,17 +76,19 @@ def within_limits(target: Seven, previous: Seven, *, elapsed_s: float, limits: J
             )
         if value == before:
             continue
-        speed = (value - before) / elapsed_s
+        step = value - before
+        speed = step / elapsed_s
         if abs(speed) > fastest * (1 + VELOCITY_TOLERANCE):
             return Refusal(
                 Outcome.AXIS_VELOCITY,
-                f"{JOINT_NAMES[axis]} steps {value - before:+.4f} rad in {elapsed_s * 1e3:g} ms, "
+                f"{JOINT_NAMES[axis]} steps {step:+.4f} rad in {elapsed_s * 1e3:g} ms, "
                 f"{abs(speed):.3f} rad/s; its limit is {fastest:.3f} rad/s",
             )
-        if speed * speed > 2 * deceleration * (high - value if speed > 0 else value - low):
+        arrival = min(abs(step) / approach_s, fastest)
+        if arrival * arrival > 2 * deceleration * (high - value if step > 0 else value - low):
             return Refusal(
                 Outcome.AXIS_LIMIT,
-                f"{JOINT_NAMES[axis]} at {value:.4f} rad moves {speed:+.3f} rad/s and could not stop "
-                f"before {high if speed > 0 else low:.4f} rad",
+                f"{JOINT_NAMES[axis]} at {value:.4f} rad arrives with {arrival:.3f} rad/s and could not stop "
+                f"before {high if step > 0 else low:.4f} rad",
             )
     return None

@@ -40,7 +40,7 @@ class ExpectedAnswers:
 
     def departed(self, *, at_ns: int) -> None:
         """Correct the send time of the message booked last."""
-        if self._closed_by_last:
+        if self._closed_by_last and self._pending:
             self._pending[-1] = _Window(self._pending[-1].first_counter, at_ns)
 
     def answered(self, reflected: int, *, age_ns: int, now_ns: int) -> None:

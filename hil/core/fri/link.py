@@ -10,7 +10,7 @@ from hil.core.events import ClientRestarted, Event, QualityChanged
 from hil.core.fri.admission import Admission, Admitted, Dropped
 from hil.core.fri.commander import JointOverlayCommander
 from hil.core.fri.commands import Refusal
-from hil.core.fri.counters import PacketCounters
+from hil.core.fri.counters import EVENT_INTERVAL_NS, PacketCounters
 from hil.core.fri.expected import ExpectedAnswers
 from hil.core.fri.log import SessionLog
 from hil.core.fri.messages import MessageBuilder
@@ -61,6 +61,7 @@ class FriLink:
         self._known_quality = Quality.POOR
         self._commander = JointOverlayCommander(settings=settings, cycle_ms=cycle_ms, motion=motion, limits=limits)
         self._overlay_not_before_ns = 0
+        self._restart_told_before_ns = 0
         self._overlay_ended_because = ""
         self._first_counter_of_state: int | None = None
         self._client_saw_state = False
@@ -264,7 +265,9 @@ class FriLink:
         before = admitted.client_restarted_from
         if before is None:
             return
-        self._emit(ClientRestarted(now_ns, before, admitted.message.sequence_counter))
+        if now_ns >= self._restart_told_before_ns:
+            self._restart_told_before_ns = now_ns + EVENT_INTERVAL_NS
+            self._emit(ClientRestarted(now_ns, before, admitted.message.sequence_counter))
         if self.commanding:
             self._stop("the client restarted while it was commanding", now_ns)
 

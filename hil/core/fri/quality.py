@@ -2,7 +2,9 @@
 
 Rule (ours, fri-wire page): over a sliding second of expected answers, share answered within the latency budget at
 least 99 % and 95th percentile of the answer latency below half the budget: EXCELLENT; at least 95 %: GOOD; at least
-75 %: FAIR; else POOR. It falls at once, and rises one level at a time after half a second at the better figure.
+75 %: FAIR; else POOR. It falls at once, and rises one level at a time after half a second at the better figure. A
+window that holds less than half of what a second holds (the controller itself stood still) lowers nothing: the
+watchdog, which counts unanswered messages, is there for that.
 """
 
 from collections import deque
@@ -18,6 +20,7 @@ class QualityMeter:
 
     def __init__(self, *, budget_ns: int) -> None:
         self._budget_ns = budget_ns
+        self._full_window = WINDOW_NS // budget_ns
         self._window: deque[tuple[int, bool, bool]] = deque()
         """Of each expected answer: when it was judged, whether it came in time, whether in less than half of it."""
         self._answered = 0
@@ -89,6 +92,8 @@ class QualityMeter:
         return self._fast * 100 >= 95 * self._answered and self._fast > 0
 
     def _settle(self, figure: Quality, now_ns: int) -> None:
+        if figure < self.quality and 2 * len(self._window) < self._full_window:
+            return
         if figure <= self.quality:
             self.quality = figure
             self._better_since_ns = None

@@ -45,6 +45,9 @@ class SequenceTracker:
         counter = self.next_counter
         self._sent.append(Sent(counter, at_ns))
         self.next_counter = (counter + 1) % SEQUENCE_MODULUS
+        # Too long ago to order anything by, and after 2^31 messages without an answer it would order them wrongly.
+        if self.last_answered is not None and counter_distance(self.last_answered, counter) > REMEMBERED:
+            self.last_answered = None
         return counter
 
     def departed(self, *, at_ns: int) -> None:

@@ -13,18 +13,19 @@ class Brake:
 
     Where that would leave an axis range, all axes decelerate harder instead, uniformly, so that the first axis stops
     before its end: a drive that has to choose between its rated deceleration and its end stop chooses the former last.
+    With ``longest_s`` the deceleration is uniform and takes no longer than that; 0 stops within one cycle.
     """
 
-    def __init__(self, start: SetPoint, *, limits: JointLimits, cycle_s: float) -> None:
+    def __init__(self, start: SetPoint, *, limits: JointLimits, cycle_s: float, longest_s: float | None = None) -> None:
         self._cycle_s = cycle_s
         self._elapsed_s = 0.0
         self._last = start
         self._limits = limits
         self._start = start
-        self._trajectory = self._jerk_limited(start)
+        self._trajectory = None if longest_s is not None else self._jerk_limited(start)
         if self._trajectory is None or self._leaves_range(self._trajectory):
             self._trajectory = None
-            self.duration_s = self._uniform_duration(start)
+            self.duration_s = min(self._uniform_duration(start), math.inf if longest_s is None else longest_s)
         else:
             self.duration_s = self._trajectory.duration
 
