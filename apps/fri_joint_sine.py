@@ -21,6 +21,7 @@ from hil.client.fri import (
     FriHandler,
     FriState,
     HilError,
+    NothingHeard,
     Release,
     SessionState,
     Vector,
@@ -128,6 +129,8 @@ def main(  # noqa: PLR0917  # typer makes the options of the parameters; nobody 
             client.run(duration_s=seconds)
     except KeyboardInterrupt:
         say("interrupted")
+    except NothingHeard as error:
+        typer.echo(f"fri_joint_sine: {error}", err=True)
     except HilError as error:
         typer.echo(f"fri_joint_sine: {error}", err=True)
         raise typer.Exit(2) from None

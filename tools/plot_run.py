@@ -171,7 +171,7 @@ def _legend(panel: Any, series: Series) -> None:
     handles, _ = panel.get_legend_handles_labels()
     seen = dict.fromkeys(state for _, _, state in _spans(series) if state is not SessionState.IDLE)
     handles += [Patch(color=_STATE_COLOURS[state], label=state.name) for state in seen]
-    panel.legend(handles=handles, loc="lower left", ncols=2, fontsize="small", framealpha=0.9)
+    panel.figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize="small", frameon=False)
 
 
 if __name__ == "__main__":

@@ -203,6 +203,8 @@ def default_bind(peer: Address) -> Address:
 
 def parse_address(text: str, *, default_port: int) -> Address:
     """Return ``HOST[:PORT]`` with the host resolved to IPv4; raise :class:`ConfigurationError`."""
+    if text.count(":") > 1:
+        raise ConfigurationError(f"{text!r}: FRI runs over IPv4; give HOST or HOST:PORT")
     host, colon, port_text = text.partition(":")
     try:
         port = int(port_text) if colon else default_port

@@ -35,7 +35,7 @@ class MujocoBackend(InProcessBackend):
 
     def __init__(self, description: RobotDescription, *, seed: int = 0) -> None:
         super().__init__()
-        self._model = load_mujoco(description.name)
+        self._model = load_mujoco(description.name, shells=False)
         self._model.opt.timestep = _STEP_NS * 1e-9
         self._data = data = mujoco.MjData(self._model)
         # Each of these attributes makes a new view of MuJoCo's memory; one for good is cheaper than one a cycle.
@@ -51,6 +51,8 @@ class MujocoBackend(InProcessBackend):
         self._steps = 1
         self._time = 0.0
         self._torque = np.zeros(JOINT_COUNT)
+        self._acceleration = np.zeros(JOINT_COUNT)
+        self._damping = np.zeros(JOINT_COUNT)
         self._from = np.array(description.initial_position_rad)
         self._to = self._from.copy()
         self._velocity = np.zeros(JOINT_COUNT)
@@ -102,8 +104,11 @@ class MujocoBackend(InProcessBackend):
         self._time = data.time
 
     def _control(self, reference: "NDArray[np.float64]") -> None:
-        acceleration = (reference - self._position) * (LOOP_FREQUENCY_RAD_S * LOOP_FREQUENCY_RAD_S) + (
-            self._velocity - self._rate
-        ) * (2.0 * LOOP_FREQUENCY_RAD_S)
+        acceleration, damping = self._acceleration, self._damping
+        np.subtract(reference, self._position, out=acceleration)
+        acceleration *= LOOP_FREQUENCY_RAD_S * LOOP_FREQUENCY_RAD_S
+        np.subtract(self._velocity, self._rate, out=damping)
+        damping *= 2.0 * LOOP_FREQUENCY_RAD_S
+        acceleration += damping
         mujoco.mj_mulM(self._model, self._data, self._torque, acceleration)
         np.add(self._torque, self._bias, out=self._motor)

@@ -39,12 +39,17 @@ def mjcf_path(name: str) -> Path:
     return Path(__file__).with_name(f"{load_description(name).name}.xml")
 
 
-def load_mujoco(name: str) -> "mujoco.MjModel":
-    """A fresh MuJoCo model of the robot: seven joints and seven torque motors, A1 to A7, in this order."""
+def load_mujoco(name: str, *, shells: bool = True) -> "mujoco.MjModel":
+    """A fresh MuJoCo model of the robot: seven joints and seven torque motors, A1 to A7, in this order.
+
+    Without ``shells`` it has nothing to draw, which nobody needs to simulate it.
+    """
     path = mjcf_path(name)
     import mujoco
 
-    return mujoco.MjModel.from_xml_path(str(path))
+    spec = mujoco.MjSpec.from_file(str(path))
+    spec.compiler.discardvisual = not shells
+    return spec.compile()
 
 
 def load_pinocchio(name: str) -> "pinocchio.Model":

@@ -28,8 +28,12 @@ def demo(
     fri_version: Annotated[Release, typer.Option(help="FRI release of the client.")] = Release.V1_15,
 ) -> None:
     """Let a sample FRI client move axis 4 of a simulated arm by a sine, over UDP at 1 kHz, and show what happened."""
+    from backends.robots import load_description
+    from hil.runtime.assembly import check_backend
     from tools.bench.rate import free_port
 
+    load_description(robot)
+    check_backend(backend)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -69,6 +73,7 @@ def demo(
         (capture, "every packet; open it with Wireshark"),
         (out / "controller.log", "what the controller said"),
         (out / "client.json", "what the client saw"),
+        (out / "client.log", "what the client said"),
     ):
         console.print(f"  {file}  [dim]{what}[/dim]", highlight=False)
 

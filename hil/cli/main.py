@@ -1,11 +1,15 @@
 """Entry point: one typer application; errors of the tree end in one sentence and exit code 2."""
 
+import contextlib
+import os
 import sys
+from typing import Annotated
 
 import typer
 
 from hil.cli import bench, config, demo, run
 from hil.values.errors import HilError
+from hil.version import VERSION
 
 app = typer.Typer(
     name="hil",
@@ -20,6 +24,14 @@ app.add_typer(bench.app, name="bench")
 app.add_typer(config.app, name="config")
 
 
+@app.callback(invoke_without_command=True)
+def options(version: Annotated[bool, typer.Option("--version", help="Print the version and end.")] = False) -> None:
+    """The open controller emulator for KUKA's light-weight arms: serves unmodified FRI clients over UDP."""
+    if version:
+        typer.echo(f"fri-hil {VERSION}")
+        raise typer.Exit
+
+
 def main() -> None:
     """Run the command line."""
     try:
@@ -27,6 +39,11 @@ def main() -> None:
     except HilError as error:
         sys.stderr.write(f"hil: {error}\n")
         sys.exit(2)
+    except OSError as error:
+        # Not a bug of ours: a full disk, a closed terminal. What could be written was written before.
+        with contextlib.suppress(OSError):
+            sys.stderr.write(f"hil: {error}\n")
+        os._exit(1)
 
 
 if __name__ == "__main__":

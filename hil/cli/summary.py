@@ -6,6 +6,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+_LAST_STOPS = 3
+_LAST_CHANGES = 12
+
 
 def print_summary(status: dict[str, Any]) -> None:
     """Print the figures of a status file as a table, one column a robot."""
@@ -34,7 +37,7 @@ def _figures(robot: dict[str, Any]) -> dict[str, str]:
         "lateness": _distribution(robot["lateness_us"]),
         "cycle": _distribution(robot["cycle_us"]),
         "max flange speed": f"{robot['max_flange_speed_mm_s']:.1f} mm/s",
-        "stops": str(len(robot["stops"])),
+        "stops": _stops(robot["stops"]),
     }
     if robot["session"] is not None:
         packets = robot["packets"]
@@ -48,6 +51,12 @@ def _figures(robot: dict[str, Any]) -> dict[str, str]:
     return figures
 
 
+def _stops(stops: list[dict[str, Any]]) -> str:
+    """Return how often the arm braked, and why the last times."""
+    told = [f"{stop['at_s']:.3f} s: {escape(stop['reason'])}" for stop in stops[-_LAST_STOPS:]]
+    return "\n".join([str(len(stops)), *told])
+
+
 def _distribution(summary: dict[str, float | None]) -> str:
     if summary["max"] is None:
         return "-"
@@ -58,7 +67,9 @@ def _print_history(console: Console, name: str, robot: dict[str, Any]) -> None:
     session = robot["session"]
     if session is None or not session["history"]:
         return
-    table = Table("time", "session state", "quality", "reason", title=f"{escape(name)}: session")
-    for change in session["history"][-12:]:
+    changes = session["history"]
+    shown = f", last {_LAST_CHANGES} of {session['changes']} changes" if len(changes) > _LAST_CHANGES else ""
+    table = Table("time", "session state", "quality", "reason", title=f"{escape(name)}: session{shown}")
+    for change in changes[-_LAST_CHANGES:]:
         table.add_row(f"{change['at_s']:.3f} s", change["to"], change["quality"], escape(change["reason"]))
     console.print(table)

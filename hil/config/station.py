@@ -133,8 +133,10 @@ def load_station(path: Path) -> Station:
     """Return the station in ``path``; raise :class:`ConfigurationError` in one sentence that names file and key."""
     try:
         text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"cannot read station file {path}: {error}") from error
+    except OSError as error:
+        raise ConfigurationError(f"cannot read station file {path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigurationError(f"cannot read station file {path}: it is no UTF-8 text") from error
     try:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
@@ -165,6 +167,8 @@ def _place(location: tuple[int | str, ...]) -> str:
 
 def _message(problem: Any) -> str:  # pydantic's error dictionary has no public type
     message = str(problem["msg"]).removeprefix("Value error, ")
-    if problem["type"] in {"value_error", "missing", "extra_forbidden"}:
+    if problem["type"] == "extra_forbidden":
+        return "there is no such key (hil config schema lists all)"
+    if problem["type"] in {"value_error", "missing"}:
         return message
     return f"{message}, got {problem['input']!r}"

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from hil.values.fri import Quality, SafetyState, SessionState
+from hil.values.fri import Quality, Release, SafetyState, SessionState
 from hil.values.outcomes import Outcome
 
 
@@ -74,6 +74,22 @@ class ClientRestarted(Event):
 
     def __str__(self) -> str:
         return f"client restarted: its sequence counter went from {self.old_counter} to {self.new_counter}"
+
+
+@dataclass(frozen=True, slots=True)
+class ReleaseDoubted(Event):
+    """The client's answers in monitoring look like those of another release than the configured one; told once."""
+
+    release: Release
+    echoes_positions: bool
+
+    def __str__(self) -> str:
+        if self.echoes_positions:
+            return f"the client answers with positions in monitoring, as 1.x clients do; configured is {self.release}"
+        return (
+            f"the client answers with a header alone in monitoring, as 2.x clients (and clients that only set outputs) "
+            f"do; configured is {self.release}"
+        )
 
 
 @dataclass(frozen=True, slots=True)

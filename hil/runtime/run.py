@@ -3,6 +3,7 @@
 import asyncio
 import gc
 import json
+import os
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -213,5 +214,7 @@ def _check_status_file(file: Path | None, *, capture: Path | None) -> None:
         raise ConfigurationError(f"cannot write {file}: there is no folder {file.parent}")
     if file.is_dir():
         raise ConfigurationError(f"cannot write {file}: that is a folder")
+    if not os.access(file if file.exists() else file.parent, os.W_OK):
+        raise ConfigurationError(f"cannot write {file}: permission denied")
     if capture is not None and file.resolve() == capture.resolve():
         raise ConfigurationError(f"{file} cannot be both the status file and the capture")

@@ -14,6 +14,7 @@ from hil.client.fri import (
     FriClient,
     FriHandler,
     FriState,
+    NothingHeard,
     Release,
     SessionState,
     UsageError,
@@ -102,9 +103,9 @@ def test_a_second_run_serves_the_next_session(controller: socket.socket) -> None
 
 def test_blocking_run_ends_on_duration_and_on_silence(controller: socket.socket) -> None:
     with FriClient(FriHandler(), release=Release.V1_15, port=0, bind_host=HOST) as client:
-        client.run(duration_s=SILENCE_S)
-        client.run(silence_s=SILENCE_S)
-        client.run(duration_s=60, silence_s=SILENCE_S)
+        for duration_s, silence_s in ((SILENCE_S, None), (None, SILENCE_S), (60, SILENCE_S)):
+            with pytest.raises(NothingHeard, match="no datagram came"):
+                client.run(duration_s=duration_s, silence_s=silence_s)
         assert not client.step(SILENCE_S)
         controller.sendto(datagram(Release.V1_15, SessionState.MONITORING_WAIT), client.local)
         controller.sendto(b"no message", client.local)
@@ -112,11 +113,18 @@ def test_blocking_run_ends_on_duration_and_on_silence(controller: socket.socket)
         assert (client.session.received, client.session.malformed.total()) == (1, 1)
 
 
+def test_datagrams_of_another_release_are_named_when_nothing_else_came(controller: socket.socket) -> None:
+    with FriClient(FriHandler(), release=Release.V1_15, port=0, bind_host=HOST) as client:
+        controller.sendto(datagram(Release.V2_7, SessionState.MONITORING_WAIT), client.local)
+        with pytest.raises(NothingHeard, match=r"no datagram was .* of release 1\.15: 1 other_release"):
+            client.run(silence_s=SILENCE_S)
+
+
 async def test_asyncio_run_ends_on_duration_and_on_silence(controller: socket.socket) -> None:
     async with AsyncFriClient(FriHandler(), release=Release.V1_15, port=0, bind_host=HOST) as client:
-        await client.run(duration_s=SILENCE_S)
-        await client.run(silence_s=SILENCE_S)
-        await client.run(duration_s=60, silence_s=SILENCE_S)
+        for duration_s, silence_s in ((SILENCE_S, None), (None, SILENCE_S), (60, SILENCE_S)):
+            with pytest.raises(NothingHeard, match="no datagram came"):
+                await client.run(duration_s=duration_s, silence_s=silence_s)
         assert not await client.step(SILENCE_S)
         controller.sendto(datagram(Release.V1_15, SessionState.MONITORING_WAIT), client.local)
         controller.sendto(b"no message", client.local)

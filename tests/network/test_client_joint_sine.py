@@ -113,7 +113,8 @@ def test_ctrl_c_ends_it_with_the_summary(controller: socket.socket, tmp_path: Pa
 def test_nobody_there() -> None:
     with application("--port", "0", "--seconds", "0.01") as process:
         out, err = process.communicate(timeout=20)
-    assert (process.returncode, err) == (1, "")
+    assert process.returncode == 1
+    assert "no datagram came: does the controller run" in err
     assert out.endswith("no controller was heard\n")
 
 
@@ -127,4 +128,5 @@ def test_a_taken_port(controller: socket.socket) -> None:
 def test_a_result_that_cannot_be_written(tmp_path: Path) -> None:
     with application("--port", "0", "--seconds", "0", "--json", str(tmp_path)) as process:
         _, err = process.communicate(timeout=20)
-    assert (process.returncode, err) == (2, f"fri_joint_sine: cannot write {tmp_path}: Is a directory\n")
+    assert process.returncode == 2
+    assert err.endswith(f"fri_joint_sine: cannot write {tmp_path}: Is a directory\n")

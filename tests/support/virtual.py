@@ -120,6 +120,7 @@ class Bench:
         self.events: list[Event] = []
         self.monitoring: list[MonitoringMessage] = []
         self.keep_messages = False
+        self.lateness_ns = 0
         self._on_the_way: list[tuple[int, bytes]] = []
 
     def run(self, seconds: float) -> None:
@@ -142,7 +143,7 @@ class Bench:
         self._on_the_way = [item for item in self._on_the_way if item[0] > self.now_ns]
         for at_ns, payload in sorted(due, key=lambda item: item[0]):
             self.controller.receive(payload, SOURCE, now_ns=at_ns)
-        self.controller.tick(now_ns=self.now_ns)
+        self.controller.tick(now_ns=self.now_ns, lateness_ns=self.lateness_ns)
         for datagram in self.controller.outgoing():
             if self.keep_messages:
                 self.monitoring.append(self.codec.decode_monitoring(datagram.payload))

@@ -23,8 +23,9 @@ from hil.values.fri_messages import (
 )
 from hil.values.outcomes import Outcome
 from tests.support.captures import datagrams, files, release_of
-from transport.fri import FriCodec
+from transport.fri import FriCodec, fri_pb2, reading, writing
 from transport.fri.framing import frame, unframe
+from transport.fri.usual import usual_command
 
 FLOATS = st.floats(allow_nan=False)
 COUNTERS = st.integers(0, 2**32 - 1)
@@ -197,3 +198,30 @@ def test_a_name_that_is_no_utf8_is_no_message(release: Release) -> None:
     with pytest.raises(MalformedDatagram, match="is no UTF-8") as caught:
         codec.decode_command(frame(body) if TRAITS[release].framed else body)
     assert caught.value.outcome is Outcome.UNDECODABLE
+
+
+@given(
+    message=st.builds(
+        CommandMessage,
+        COUNTERS,
+        COUNTERS,
+        st.one_of(st.none(), st.builds(lambda position: CommandData(position=position), vectors(7, 7))),
+        st.none(),
+        COUNTERS,
+    ),
+    changes=st.lists(st.tuples(st.integers(0, 200), st.integers(0, 255)), max_size=3),
+    cut=st.one_of(st.none(), st.integers(0, 90)),
+)
+def test_the_usual_commands_are_read_as_protobuf_reads_them(
+    message: CommandMessage, changes: list[tuple[int, int]], cut: int | None
+) -> None:
+    """Invariant: the short way may decline, but what it accepts is what protobuf makes of the same bytes."""
+    body = bytearray(writing.command(message).SerializeToString()[:cut])
+    for place, value in changes:
+        if body:
+            body[place % len(body)] = value
+    read = usual_command(bytes(body))
+    if not changes and cut is None:
+        assert read == message
+    if read is not None:
+        assert repr(read) == repr(reading.command(fri_pb2.CommandMessage.FromString(bytes(body))))

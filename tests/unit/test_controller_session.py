@@ -7,7 +7,14 @@ import pytest
 
 from backends.mujoco import MujocoBackend
 from backends.robots import load_pinocchio, robot_names
-from hil.core.events import ArmResting, ClientRestarted, QualityChanged, StateChanged, TransitionRefused
+from hil.core.events import (
+    ArmResting,
+    ClientRestarted,
+    QualityChanged,
+    ReleaseDoubted,
+    StateChanged,
+    TransitionRefused,
+)
 from hil.core.model import ArmModel
 from hil.core.motion.executive import MotionExecutive
 from hil.core.settings import FriSettings
@@ -317,3 +324,32 @@ def test_events_cannot_be_flooded_by_a_client() -> None:
     bench.run(3.0)
     assert bench.state is SessionState.COMMANDING_WAIT
     assert sum(isinstance(event, TransitionRefused) for event in bench.events) < 10
+
+
+@pytest.mark.parametrize(("ours", "theirs"), [(Release.V2_5, True), (Release.V1_15, False)])
+def test_answers_that_look_like_another_release_are_told_once(ours: Release, *, theirs: bool) -> None:
+    bench = Bench(ours)
+    position = bench.description.initial_position_rad
+    bench.client.change = lambda command, _: command._replace(
+        command=CommandData(position=position) if theirs else None
+    )
+    bench.run(0.5)
+    doubts = [event for event in bench.events if isinstance(event, ReleaseDoubted)]
+    assert len(doubts) == 1
+    assert f"configured is {ours}" in str(doubts[0])
+
+
+@pytest.mark.parametrize("release", list(Release))
+def test_the_right_release_is_not_doubted(release: Release) -> None:
+    bench = Bench(release)
+    bench.run(1.5)
+    assert not [event for event in bench.events if isinstance(event, ReleaseDoubted)]
+
+
+def test_reasons_name_this_controllers_own_lateness() -> None:
+    bench = Bench()
+    bench.lateness_ns = 700_000
+    bench.client.answers = lambda count: count % 2 == 0
+    bench.run(1.2)
+    refused = [str(event) for event in bench.events if isinstance(event, TransitionRefused)]
+    assert any("of this controller's own cycles began more than half the budget late" in text for text in refused)

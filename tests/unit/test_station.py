@@ -37,7 +37,7 @@ def test_the_template_is_the_defaults_and_names_every_choice() -> None:
     [
         ("robot = 3", "robot: Input should be a valid list"),
         ("", "robot: Field required"),
-        ("[[robot]]\nnmae = 'x'", "robot[1].nmae: Extra inputs are not permitted"),
+        ("[[robot]]\nnmae = 'x'", "robot[1].nmae: there is no such key"),
         ("[[robot]]\nmode = 'T3'", "robot[1].mode: Input should be 'T1', 'T2' or 'AUT', got 'T3'"),
         ("[[robot]]\ncycle_ms = 3", "robot[1]: control cycle 3 ms is none of 1, 2, 4, 5 ms"),
         ("[[robot]]\n[robot.fri]\nrelease = '1.12'", "robot[1].fri.release: Input should be '1.11', '1.14'"),

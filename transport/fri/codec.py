@@ -15,6 +15,7 @@ from hil.values.fri_messages import CommandData, CommandMessage, MonitoringMessa
 from hil.values.outcomes import Outcome
 from transport.fri import fri_pb2, reading, writing
 from transport.fri.framing import frame, unframe
+from transport.fri.usual import usual_command
 from transport.fri.writing import MonitoringWriter
 
 _HEADER_BYTES = 10
@@ -49,6 +50,10 @@ class FriCodec:
 
     def decode_command(self, datagram: bytes) -> CommandMessage:
         """Return the command message in ``datagram``; raise :class:`MalformedDatagram`."""
+        if not self._framed:
+            usual = usual_command(datagram)
+            if usual is not None and usual.identifier == COMMAND_IDENTIFIER:
+                return usual
         wire = self._parse(datagram, fri_pb2.CommandMessage.FromString, COMMAND_IDENTIFIER)
         message = reading.command(wire)
         if message.command is not None:

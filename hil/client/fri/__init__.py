@@ -3,10 +3,13 @@
 Override the callbacks of :class:`FriHandler`; what you leave alone mirrors the interpolator, as the vendor's library
 does. A release is configured, never guessed. A client that raises axis 4 by a hundredth of a radian::
 
-    from hil.client.fri import Command, FriClient, FriHandler, FriState, Release
+    from hil.client.fri import Command, FriClient, FriHandler, FriState, Release, SessionState
 
     class Raise(FriHandler):
         raised_rad = 0.0
+
+        def on_state_change(self, old: SessionState, new: SessionState) -> None:
+            self.raised_rad = 0.0  # each motion begins at the interpolator position
 
         def command(self, state: FriState) -> Command:
             self.raised_rad = min(self.raised_rad + 0.02 * state.sample_time_s, 0.01)  # 0.02 rad/s
@@ -24,7 +27,7 @@ are around: datagrams in, answers out, no socket and no clock.
 from hil.client.fri.asynchronous import AsyncFriClient
 from hil.client.fri.blocking import FriClient
 from hil.client.fri.command import Command
-from hil.client.fri.errors import CommandShape, NotAvailable
+from hil.client.fri.errors import CommandShape, NotAvailable, NothingHeard
 from hil.client.fri.handler import FriHandler
 from hil.client.fri.session import ClientSession
 from hil.client.fri.state import FriState
@@ -68,6 +71,7 @@ __all__ = [
     "IOType",
     "IOValue",
     "NotAvailable",
+    "NothingHeard",
     "OperationMode",
     "Outcome",
     "OverlayType",

@@ -5,6 +5,7 @@ import socket
 from collections.abc import Iterator
 
 from hil.client._deadline import Deadline
+from hil.client.fri.errors import NothingHeard
 from hil.client.fri.session import ClientSession
 from hil.values.errors import ConfigurationError, EndpointError, UsageError
 from hil.values.link import Address
@@ -32,12 +33,15 @@ def open_socket(*, bind: Address, controller: str | None) -> socket.socket:
 def timeouts(session: ClientSession, *, duration_s: float | None, silence_s: float | None) -> Iterator[float | None]:
     """Yield how long, in seconds, to wait for the next datagram (None: for ever), until the run is over.
 
-    It is over when the session ends, after ``duration_s``, or ``silence_s`` after the last monitoring message.
+    It is over when the session ends, after ``duration_s``, or ``silence_s`` after the last monitoring message. Raises
+    :class:`NothingHeard` when it is over without one.
     """
     duration, silence = Deadline(duration_s), Deadline(silence_s)
     while True:
         left = _earlier(duration.left_s(), silence.left_s())
         if left is not None and left <= 0:
+            if session.received == 0:
+                raise NothingHeard(session.release, session.malformed)
             return
         received = session.received
         yield left

@@ -1,14 +1,19 @@
-"""Errors of the FRI client; both are the application author's mistakes.
+"""Errors of the FRI client.
 
 ::
 
-    UsageError
+    UsageError           the application author's mistake
     ├── NotAvailable     a value the release does not have, or does not send in the present session state
     └── CommandShape     a command whose vectors have the wrong number of elements
+    EndpointError
+    └── NothingHeard     a run ended without a single monitoring message
 """
 
-from hil.values.errors import UsageError
+from collections.abc import Mapping
+
+from hil.values.errors import EndpointError, UsageError
 from hil.values.fri import Release, SessionState
+from hil.values.outcomes import Outcome
 
 
 class NotAvailable(UsageError):
@@ -25,3 +30,16 @@ class CommandShape(UsageError):
     def __init__(self, field: str, *, got: int, want: int) -> None:
         self.field, self.got, self.want = field, got, want
         super().__init__(f"{field} of a command has {got} elements, {want} are needed")
+
+
+class NothingHeard(EndpointError):
+    """A run ended without a monitoring message of ``release``; ``malformed`` counts what came instead."""
+
+    def __init__(self, release: Release, malformed: Mapping[Outcome, int]) -> None:
+        self.release, self.malformed = release, dict(malformed)
+        if malformed:
+            came = ", ".join(f"{count} {outcome.value}" for outcome, count in malformed.items())
+            text = f"no datagram was a monitoring message of release {release.value}: {came}; is it the controller's?"
+        else:
+            text = "no datagram came: does the controller run, and send to this address and port?"
+        super().__init__(text)

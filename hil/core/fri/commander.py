@@ -1,6 +1,6 @@
 """The client as commander of a joint position overlay: first it mirrors the interpolator, then it commands."""
 
-from hil.core.fri.commands import Refusal, joint_position, within_limits
+from hil.core.fri.commands import CommandBounds, Refusal, joint_position
 from hil.core.fri.sequence import counter_distance
 from hil.core.motion.executive import MotionExecutive
 from hil.core.settings import NS_PER_MS, FriSettings
@@ -16,7 +16,7 @@ class JointOverlayCommander:
         self._settings = settings
         self._cycles_per_target = settings.budget_ms // cycle_ms
         self._motion = motion
-        self._limits = limits
+        self._bounds = CommandBounds(limits)
         self._accepted_position: Seven = motion.hold_position_rad
         self._accepted_counter = 0
         self._silent_answers = 0
@@ -72,12 +72,11 @@ class JointOverlayCommander:
             return self._without_position(message, refusal)
         periods = counter_distance(self._accepted_counter, message.reflected_sequence_counter)
         elapsed_ns = min(periods * self._settings.send_period_ms * NS_PER_MS, self._settings.watchdog_ns)
-        refusal = within_limits(
+        refusal = self._bounds.step(
             position,
             self._accepted_position,
             elapsed_s=elapsed_ns * 1e-9,
             approach_s=self._settings.budget_ns * 1e-9,
-            limits=self._limits,
         )
         if refusal is not None:
             return refusal._replace(ends_motion=True)
@@ -104,4 +103,4 @@ class JointOverlayCommander:
         position, refusal = joint_position(message.command)
         if position is None:
             return refusal
-        return within_limits(position, position, elapsed_s=1.0, approach_s=1.0, limits=self._limits)
+        return self._bounds.position(position)

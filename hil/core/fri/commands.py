@@ -11,6 +11,10 @@ VELOCITY_TOLERANCE = 1e-6
 """Relative; a client that clamps its steps to the axis velocity must not fail on rounding."""
 
 
+_Axis = tuple[float, float, float, float]
+"""Range (low, high) in rad, velocity limit in rad/s, rated deceleration in rad/s2."""
+
+
 class Refusal(NamedTuple):
     """Why a command is not taken: the counter, words with axis, value and limit, whether the motion ends with it."""
 
@@ -50,45 +54,67 @@ def _not_taken(data: CommandData) -> str | None:
     return None
 
 
-def within_limits(
-    target: Seven, previous: Seven, *, elapsed_s: float, approach_s: float, limits: JointLimits
-) -> Refusal | None:
-    """Return why ``target`` is out of bounds, or None.
+class CommandBounds:
+    """What the axes of one robot allow a commander. Sources of the limits: robot facts 2.1."""
 
-    ``previous`` is the last accepted position, ``elapsed_s`` the time the client had for the step, and ``approach_s``
-    the time in which the interpolator will make it, if the axis can. A target is out of bounds outside the axis range,
-    when the step is faster than the axis may move, and when the axis, arriving as fast as the interpolator will let it,
-    could not stop before the end of its range with its rated deceleration.
-    """
-    rows = zip(
-        target,
-        previous,
-        limits.position_min_rad,
-        limits.position_max_rad,
-        limits.velocity_rad_s,
-        limits.acceleration_rad_s2,
-        strict=True,
-    )
-    for axis, (value, before, low, high, fastest, deceleration) in enumerate(rows):
-        if not low <= value <= high:
-            return Refusal(
-                Outcome.AXIS_LIMIT, f"{JOINT_NAMES[axis]} to {value:.4f} rad, its range is {low:.4f}..{high:.4f} rad"
+    def __init__(self, limits: JointLimits) -> None:
+        self._axes = tuple(
+            zip(
+                limits.position_min_rad,
+                limits.position_max_rad,
+                limits.velocity_rad_s,
+                limits.acceleration_rad_s2,
+                strict=True,
             )
-        if value == before:
-            continue
-        step = value - before
-        speed = step / elapsed_s
-        if abs(speed) > fastest * (1 + VELOCITY_TOLERANCE):
-            return Refusal(
-                Outcome.AXIS_VELOCITY,
-                f"{JOINT_NAMES[axis]} steps {step:+.4f} rad in {elapsed_s * 1e3:g} ms, "
-                f"{abs(speed):.3f} rad/s; its limit is {fastest:.3f} rad/s",
-            )
-        arrival = min(abs(step) / approach_s, fastest)
-        if arrival * arrival > 2 * deceleration * (high - value if step > 0 else value - low):
-            return Refusal(
-                Outcome.AXIS_LIMIT,
-                f"{JOINT_NAMES[axis]} at {value:.4f} rad arrives with {arrival:.3f} rad/s and could not stop "
-                f"before {high if step > 0 else low:.4f} rad",
-            )
+        )
+
+    def position(self, target: Seven) -> Refusal | None:
+        """Return why ``target`` is outside an axis range, or None."""
+        for axis, (value, (low, high, _, _)) in enumerate(zip(target, self._axes, strict=True)):
+            if not low <= value <= high:
+                return _out_of_range(axis, value, low, high)
+        return None
+
+    def step(self, target: Seven, previous: Seven, *, elapsed_s: float, approach_s: float) -> Refusal | None:
+        """Return why the step to ``target`` is out of bounds, or None.
+
+        ``previous`` is the last accepted position, ``elapsed_s`` the time the client had for the step, ``approach_s``
+        the time in which the interpolator will make it, if the axis can. A step is out of bounds when it leaves the
+        axis range, when it is faster than the axis may move, and when the axis, arriving as fast as the interpolator
+        will let it, could not stop before the end of its range with its rated deceleration.
+        """
+        for axis, (value, before, bounds) in enumerate(zip(target, previous, self._axes, strict=True)):
+            # What was accepted before is in range.
+            if value != before and (refusal := _refused_step(axis, value, before, bounds, elapsed_s, approach_s)):
+                return refusal
+        return None
+
+
+def _refused_step(  # noqa: PLR0917  # runs for each moving axis in each cycle; keywords cost
+    axis: int, value: float, before: float, bounds: _Axis, elapsed_s: float, approach_s: float
+) -> Refusal | None:
+    low, high, fastest, deceleration = bounds
+    if not low <= value <= high:
+        return _out_of_range(axis, value, low, high)
+    step = value - before
+    speed = abs(step) / elapsed_s
+    if speed > fastest * (1 + VELOCITY_TOLERANCE):
+        return Refusal(
+            Outcome.AXIS_VELOCITY,
+            f"{JOINT_NAMES[axis]} steps {step:+.4f} rad in {elapsed_s * 1e3:g} ms, "
+            f"{speed:.3f} rad/s; its limit is {fastest:.3f} rad/s",
+        )
+    arrival = min(abs(step) / approach_s, fastest)
+    if arrival * arrival > 2 * deceleration * (high - value if step > 0 else value - low):
+        return Refusal(
+            Outcome.AXIS_LIMIT,
+            f"{JOINT_NAMES[axis]} at {value:.4f} rad arrives with {arrival:.3f} rad/s and could not stop "
+            f"before {high if step > 0 else low:.4f} rad",
+        )
     return None
+
+
+def _out_of_range(axis: int, value: float, low: float, high: float) -> Refusal:
+    return Refusal(
+        Outcome.AXIS_LIMIT, f"{JOINT_NAMES[axis]} to {value:.4f} rad, its range is {low:.4f}..{high:.4f} rad"
+    )

@@ -4,9 +4,10 @@ Bytes and times in (:meth:`FriLink.receive`), decisions once a cycle (:meth:`Fri
 (:meth:`FriLink.message`). It moves nothing but the :class:`MotionExecutive` it is given.
 """
 
+from collections import deque
 from collections.abc import Callable
 
-from hil.core.events import ClientRestarted, Event, QualityChanged
+from hil.core.events import ClientRestarted, Event, QualityChanged, ReleaseDoubted
 from hil.core.fri.admission import Admission, Admitted, Dropped
 from hil.core.fri.commander import JointOverlayCommander
 from hil.core.fri.commands import Refusal
@@ -14,14 +15,14 @@ from hil.core.fri.counters import EVENT_INTERVAL_NS, PacketCounters
 from hil.core.fri.expected import ExpectedAnswers
 from hil.core.fri.log import SessionLog
 from hil.core.fri.messages import MessageBuilder
-from hil.core.fri.quality import QualityMeter
+from hil.core.fri.quality import WINDOW_NS, QualityMeter
 from hil.core.fri.sequence import REMEMBERED, SequenceTracker, counter_distance
 from hil.core.fri.session import Trigger, next_state
 from hil.core.motion.executive import MotionExecutive, Phase
 from hil.core.settings import NS_PER_MS, FriSettings
 from hil.core.statistics import Histogram
 from hil.values.arm import ArmState
-from hil.values.fri import Quality, SessionState
+from hil.values.fri import TRAITS, Quality, SessionState
 from hil.values.fri_messages import CommandMessage, ControllerCodec
 from hil.values.link import Address
 from hil.values.outcomes import Outcome
@@ -60,7 +61,11 @@ class FriLink:
         self._admission = Admission(peer=settings.peer, codec=codec, tracker=self._tracker, budget_ns=self._budget_ns)
         self._known_quality = Quality.POOR
         self._commander = JointOverlayCommander(settings=settings, cycle_ms=cycle_ms, motion=motion, limits=limits)
+        self._late_cycles_ns: deque[int] = deque(maxlen=1000)
+        self._now_ns = 0
         self._overlay_not_before_ns = 0
+        self._release_doubted = False
+        self._echo_expected = TRAITS[codec.release].commanded_position
         self._restart_told_before_ns = 0
         self._overlay_ended_because = ""
         self._first_counter_of_state: int | None = None
@@ -107,6 +112,9 @@ class FriLink:
     def progress(self, *, now_ns: int, started_ns: int, allow_overlay: bool) -> None:
         """Once a cycle: judge what is overdue and move the session. ``started_ns`` is when the cycle really began."""
         self._expected.expire(now_ns=started_ns)
+        self._now_ns = now_ns
+        if 2 * (started_ns - now_ns) > self._budget_ns:
+            self._late_cycles_ns.append(now_ns)
         state = self.log.state
         if state is SessionState.IDLE:
             if allow_overlay:
@@ -174,6 +182,8 @@ class FriLink:
         """Do with the command what the state asks for; return why it is ignored, or None."""
         if not self._answers_this_state(message):
             return None
+        if self.log.state < SessionState.COMMANDING_WAIT:
+            self._doubt_release(message, now_ns)
         match self.log.state:
             case SessionState.COMMANDING_ACTIVE:
                 refusal = self._commander.command(message)
@@ -189,6 +199,14 @@ class FriLink:
                 return refusal
             case _:
                 return self._commander.monitor(message)
+
+    def _doubt_release(self, message: CommandMessage, now_ns: int) -> None:
+        """Say once what an answer in monitoring tells of the client's release (fri-wire, "What a client does")."""
+        echoes = message.command is not None and message.command.position is not None
+        if self._release_doubted or echoes == self._echo_expected:
+            return
+        self._release_doubted = True
+        self._emit(ReleaseDoubted(now_ns, self._codec.release, echoes_positions=echoes))
 
     def _answers_this_state(self, message: CommandMessage) -> bool:
         """Whether the client knew the present state; an answer to an earlier one says nothing about this one."""
@@ -208,7 +226,8 @@ class FriLink:
                 now_ns,
             )
         elif self.quality < Quality.GOOD:
-            self._stop(f"quality {self.quality.name} is not enough: {self._meter.describe()}", now_ns)
+            figure = f"{self._meter.describe()}{self._own_lateness()}"
+            self._stop(f"quality {self.quality.name} is not enough: {figure}", now_ns)
         elif self.log.state is SessionState.COMMANDING_WAIT and (problem := self._commander.problem):
             kind = self._commander.problem_kind
             self.log.refuse(SessionState.COMMANDING_ACTIVE, problem, key=kind, now_ns=now_ns)
@@ -219,8 +238,9 @@ class FriLink:
         elif self._meter.ever_answered:
             self.log.refuse(
                 SessionState.MONITORING_READY,
-                f"quality is {self.quality.name}, GOOD is needed: {self._meter.describe()}",
-                key=f"quality {self.quality.name}",
+                f"quality is {self.quality.name}, GOOD is needed: {self._meter.describe()}"
+                + ("; it rises one level each half second" if self._meter.rising else self._own_lateness()),
+                key=f"quality {self.quality.name} {self._meter.rising}",
                 now_ns=now_ns,
             )
         else:
@@ -254,6 +274,17 @@ class FriLink:
         if now_ns < self._overlay_not_before_ns:
             return f"the overlay rests after its end ({self._overlay_ended_because})"
         return ""
+
+    def _own_lateness(self) -> str:
+        """What this process did to the connection in the last second, in words; nothing when it was on time."""
+        since_ns = self._now_ns - WINDOW_NS
+        late = sum(1 for at_ns in self._late_cycles_ns if at_ns > since_ns)
+        if not late:
+            return ""
+        return (
+            f"; {late} of this controller's own cycles began more than half the budget late in that second "
+            f"(a busy machine: try --realtime or a longer send period)"
+        )
 
     def _note_quality(self, now_ns: int) -> None:
         quality = self._meter.quality

@@ -51,6 +51,11 @@ class QualityMeter:
         """Answers in time in the window."""
         return self._answered
 
+    @property
+    def rising(self) -> bool:
+        """Whether the figure is better than the quality, which follows one level each half second."""
+        return self._better_since_ns is not None
+
     def describe(self) -> str:
         """Return the figure in words."""
         if not self._window:
@@ -73,6 +78,8 @@ class QualityMeter:
             _, answered, fast = window.popleft()
             self._answered -= answered
             self._fast -= fast
+        if self._fast == len(window) and self.quality is Quality.EXCELLENT:
+            return
         self._settle(self._figure(), at_ns)
 
     def _figure(self) -> Quality:

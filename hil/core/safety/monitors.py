@@ -24,10 +24,11 @@ class Monitors:
     """Returns the reason for a stop in words, or None."""
 
     def __init__(self, *, limits: JointLimits, model: ArmModel, operation_mode: OperationMode) -> None:
-        self._bounds = (
-            [low - _RANGE_TOLERANCE_RAD for low in limits.position_min_rad],
-            [high + _RANGE_TOLERANCE_RAD for high in limits.position_max_rad],
-            [fastest * (1 + _SPEED_TOLERANCE) for fastest in limits.velocity_rad_s],
+        self._axes = tuple(
+            (low - _RANGE_TOLERANCE_RAD, high + _RANGE_TOLERANCE_RAD, fastest * (1 + _SPEED_TOLERANCE))
+            for low, high, fastest in zip(
+                limits.position_min_rad, limits.position_max_rad, limits.velocity_rad_s, strict=True
+            )
         )
         self._model = model
         self._t1 = operation_mode is OperationMode.T1
@@ -36,22 +37,22 @@ class Monitors:
 
     def set_point(self, set_point: SetPoint) -> str | None:
         """Check a set point that is about to be handed to the backend."""
-        rows = zip(set_point.position_rad, set_point.velocity_rad_s, *self._bounds, strict=True)
         moving = False
-        for axis, (position, velocity, low, high, fastest) in enumerate(rows):
+        for axis, velocity in enumerate(set_point.velocity_rad_s):
+            # An axis that does not move is where it was found legal before; not a number is not zero.
+            if velocity == 0.0:
+                continue
+            moving = True
+            position = set_point.position_rad[axis]
+            low, high, fastest = self._axes[axis]
             if not low <= position <= high:
                 return f"set point of {JOINT_NAMES[axis]} {position:.4f} rad is outside {low:.4f}..{high:.4f} rad"
-            if velocity:
-                moving = True
-                if not -fastest <= velocity <= fastest:
-                    return (
-                        f"set point of {JOINT_NAMES[axis]} moves {velocity:+.4f} rad/s, "
-                        f"its limit is {fastest:.4f} rad/s"
-                    )
+            if not -fastest <= velocity <= fastest:
+                return f"set point of {JOINT_NAMES[axis]} moves {velocity:+.4f} rad/s, its limit is {fastest:.4f} rad/s"
         if self._t1 and moving:
             flange = self._model.flange_speed_mm_s(set_point.position_rad, set_point.velocity_rad_s)
             if flange > T1_SPEED_LIMIT_MM_S:
-                return f"{COMMAND_T1}: {flange:.1f} mm/s, the limit is {T1_SPEED_LIMIT_MM_S:g} mm/s"
+                return f"{COMMAND_T1}: {flange:.2f} mm/s, the limit is {T1_SPEED_LIMIT_MM_S:g} mm/s"
         return None
 
     def measured(self, state: ArmState) -> str | None:
@@ -62,5 +63,5 @@ class Monitors:
             return "the robot side reports a state that is not finite"
         self.max_flange_speed_mm_s = max(self.max_flange_speed_mm_s, speed)
         if self._t1 and speed > T1_SPEED_LIMIT_MM_S:
-            return f"{MEASURED_T1}: {speed:.1f} mm/s, the limit is {T1_SPEED_LIMIT_MM_S:g} mm/s"
+            return f"{MEASURED_T1}: {speed:.2f} mm/s, the limit is {T1_SPEED_LIMIT_MM_S:g} mm/s"
         return None
