@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 
+from backends.robots import load_description, load_pinocchio, robot_names
+from hil.core.model import ArmModel
+from hil.values.arm import seven
 from tests.unit.robots_support import NAMES, Array, InMujoco, InPinocchio, facts_of, product_form, random_states
 
 EXACT = 1e-9
@@ -72,3 +75,19 @@ def test_even_joints_stand_at_shoulder_elbow_and_wrist(name: str) -> None:
     assert heights[1::2] == pytest.approx((d1, d1 + d3, d1 + d3 + d5), abs=1e-12)
     assert list(heights) == sorted(heights)
     assert heights[-1] < facts.flange_height_m == pytest.approx(heights[5] + d7, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_the_flange_is_never_faster_than_its_bound(name: str) -> None:
+    random = np.random.default_rng(7)
+    model = ArmModel(load_pinocchio(name))
+    limits = load_description(name).limits
+    closest = 0.0
+    for _ in range(2000):
+        position = seven(random.uniform(limits.position_min_rad, limits.position_max_rad).tolist())
+        velocity = seven((random.uniform(-1, 1, 7) * random.integers(0, 2, 7)).tolist())
+        exact = model.flange_speed_mm_s(position, velocity)
+        bound = model.flange_speed_bound_mm_s(velocity)
+        assert exact <= bound * (1 + 1e-12)
+        closest = max(closest, exact / bound if bound else 0.0)
+    assert closest > 0.8

@@ -1,15 +1,10 @@
 """Which answers are due: one for every ``receive_multiplier`` messages, whichever of them the client picks."""
 
 from collections import deque
-from typing import NamedTuple
 
 from hil.core.fri.quality import QualityMeter
 from hil.core.fri.sequence import counter_distance
-
-
-class _Window(NamedTuple):
-    first_counter: int
-    last_sent_ns: int
+from hil.values.fri import SEQUENCE_MODULUS
 
 
 class ExpectedAnswers:
@@ -19,7 +14,8 @@ class ExpectedAnswers:
         self._multiplier = receive_multiplier
         self._budget_ns = budget_ns
         self._meter = meter
-        self._pending: deque[_Window] = deque()
+        self._pending: deque[tuple[int, int]] = deque()
+        """Of each complete window: the counter of its first message, and when its last one was sent."""
         self._first_counter: int | None = None
         self._open_count = 0
         self._open_answered = False
@@ -35,37 +31,37 @@ class ExpectedAnswers:
         if self._open_count == self._multiplier:
             self._open_count = 0
             if not self._open_answered and self._first_counter is not None:
-                self._pending.append(_Window(self._first_counter, at_ns))
+                self._pending.append((self._first_counter, at_ns))
                 self._closed_by_last = True
 
     def departed(self, *, at_ns: int) -> None:
         """Correct the send time of the message booked last."""
         if self._closed_by_last and self._pending:
-            self._pending[-1] = _Window(self._pending[-1].first_counter, at_ns)
+            self._pending[-1] = (self._pending[-1][0], at_ns)
 
     def answered(self, reflected: int, *, age_ns: int, now_ns: int) -> None:
         """A fresh answer came; only one within the budget counts for its window, and only the first."""
         if age_ns > self._budget_ns:
+            return
+        pending = self._pending
+        if pending and (reflected - pending[0][0]) % SEQUENCE_MODULUS < self._multiplier:
+            pending.popleft()
+            self._meter.answered(now_ns=now_ns, latency_ns=age_ns)
             return
         if self._in_open_window(reflected):
             if not self._open_answered:
                 self._open_answered = True
                 self._meter.answered(now_ns=now_ns, latency_ns=age_ns)
             return
-        pending = self._pending
-        if pending and counter_distance(pending[0].first_counter, reflected) < self._multiplier:
-            pending.popleft()
-            self._meter.answered(now_ns=now_ns, latency_ns=age_ns)
-            return
         for window in pending:
-            if counter_distance(window.first_counter, reflected) < self._multiplier:
+            if counter_distance(window[0], reflected) < self._multiplier:
                 pending.remove(window)
                 self._meter.answered(now_ns=now_ns, latency_ns=age_ns)
                 return
 
     def expire(self, *, now_ns: int) -> None:
         """Count the windows whose time is over as missed."""
-        while self._pending and now_ns - self._pending[0].last_sent_ns >= self._budget_ns:
+        while self._pending and now_ns - self._pending[0][1] >= self._budget_ns:
             self._pending.popleft()
             self._meter.missed(now_ns=now_ns)
 

@@ -23,13 +23,6 @@ class Verdict(NamedTuple):
     detail: str
 
 
-class Sent(NamedTuple):
-    """A message that was sent."""
-
-    counter: int
-    at_ns: int
-
-
 class SequenceTracker:
     """Book of the last :data:`REMEMBERED` sent messages."""
 
@@ -37,13 +30,14 @@ class SequenceTracker:
         self.next_counter = first_counter % SEQUENCE_MODULUS
         self.client_counter: int | None = None
         self.last_answered: int | None = None
-        self._sent: deque[Sent] = deque(maxlen=REMEMBERED)
+        self._sent_ns: deque[int] = deque(maxlen=REMEMBERED)
+        """When the last messages were sent, the newest last."""
         self._answered: deque[int] = deque(maxlen=REMEMBERED)
 
     def sent(self, *, at_ns: int) -> int:
         """Book the next message as sent and return its counter."""
         counter = self.next_counter
-        self._sent.append(Sent(counter, at_ns))
+        self._sent_ns.append(at_ns)
         self.next_counter = (counter + 1) % SEQUENCE_MODULUS
         # Too long ago to order anything by, and after 2^31 messages without an answer it would order them wrongly.
         if self.last_answered is not None and counter_distance(self.last_answered, counter) > REMEMBERED:
@@ -52,22 +46,22 @@ class SequenceTracker:
 
     def departed(self, *, at_ns: int) -> None:
         """Correct the send time of the message booked last."""
-        if self._sent:
-            self._sent[-1] = Sent(self._sent[-1].counter, at_ns)
+        if self._sent_ns:
+            self._sent_ns[-1] = at_ns
 
     def judge(self, reflected: int, *, now_ns: int) -> Verdict:
         """Say what an answer that reflects ``reflected`` is; changes nothing."""
         distance = (self.next_counter - 1 - reflected) % SEQUENCE_MODULUS
-        if not self._sent or distance >= SEQUENCE_MODULUS // 2:
+        if not self._sent_ns or distance >= SEQUENCE_MODULUS // 2:
             return Verdict(Outcome.UNSENT_SEQUENCE, 0, f"reflects message {reflected}, which was never sent")
         last = self.last_answered
         if last is not None and not _is_before(last, reflected):
             return self._overtaken(reflected, last)
-        if distance >= len(self._sent):
+        if distance >= len(self._sent_ns):
             return Verdict(
-                Outcome.REPLAYED, 0, f"reflects message {reflected}, older than the last {len(self._sent)} messages"
+                Outcome.REPLAYED, 0, f"reflects message {reflected}, older than the last {len(self._sent_ns)} messages"
             )
-        return Verdict(Outcome.ACCEPTED, now_ns - self._sent[-1 - distance].at_ns, "")
+        return Verdict(Outcome.ACCEPTED, now_ns - self._sent_ns[-1 - distance], "")
 
     def _overtaken(self, reflected: int, last: int) -> Verdict:
         if reflected == last:

@@ -32,7 +32,7 @@ class Monitors:
         )
         self._model = model
         self._t1 = operation_mode is OperationMode.T1
-        self.flange_speed_mm_s = 0.0
+        self._no_news_mm_s = 0.0
         self.max_flange_speed_mm_s = 0.0
 
     def set_point(self, set_point: SetPoint) -> str | None:
@@ -56,12 +56,15 @@ class Monitors:
         return None
 
     def measured(self, state: ArmState) -> str | None:
-        """Check the measured state, and keep the flange speed."""
+        """Check the measured state, and keep the largest flange speed."""
+        # The exact speed matters only where it could be a new maximum or over the limit.
+        if self._model.flange_speed_bound_mm_s(state.velocity_rad_s) <= self._no_news_mm_s:
+            return None
         speed = self._model.flange_speed_mm_s(state.position_rad, state.velocity_rad_s)
-        self.flange_speed_mm_s = speed
         if not math.isfinite(speed):
             return "the robot side reports a state that is not finite"
         self.max_flange_speed_mm_s = max(self.max_flange_speed_mm_s, speed)
+        self._no_news_mm_s = min(self.max_flange_speed_mm_s, T1_SPEED_LIMIT_MM_S)
         if self._t1 and speed > T1_SPEED_LIMIT_MM_S:
             return f"{MEASURED_T1}: {speed:.2f} mm/s, the limit is {T1_SPEED_LIMIT_MM_S:g} mm/s"
         return None
