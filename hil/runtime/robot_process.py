@@ -16,7 +16,7 @@ from hil.values.errors import BackendError
 from hil.values.link import Address, Source
 from transport.udp import Arrival, EndpointClosed, PeerEndpoint, open_peer_endpoint
 
-CATCH_UP_MOST = 10
+CATCH_UP_MOST = 20
 LATE_NS = 300_000
 """A cycle that begins later than that first reads what arrived meanwhile."""
 SOCKET_PASSES = 3

@@ -50,10 +50,10 @@ class FriCodec:
 
     def decode_command(self, datagram: bytes) -> CommandMessage:
         """Return the command message in ``datagram``; raise :class:`MalformedDatagram`."""
-        if not self._framed:
-            usual = usual_command(datagram)
-            if usual is not None and usual.identifier == COMMAND_IDENTIFIER:
-                return usual
+        body = unframe(datagram)[0] if self._framed else datagram
+        usual = None if body is None else usual_command(body)
+        if usual is not None and usual.identifier == COMMAND_IDENTIFIER:
+            return usual
         wire = self._parse(datagram, fri_pb2.CommandMessage.FromString, COMMAND_IDENTIFIER)
         message = reading.command(wire)
         if message.command is not None:

@@ -14,9 +14,10 @@ from hil.values.fri_messages import (
     Vector,
 )
 from transport.fri import fri_pb2
-from transport.fri.vectors import varint, vector_field
+from transport.fri.vectors import pose_field, varint, vector_field
 
 _MONITOR = b"\x1a"
+_MEASURED_POSE = b"\x4a"
 _IPO = b"\x2a"
 
 
@@ -80,10 +81,14 @@ def _tail(message: MonitoringMessage) -> bytes:
 
 def _monitor_bytes(monitor: MonitorData) -> bytes:
     rest = fri_pb2.MonitorData()
+    pose = None
+    if monitor.measured_pose is not None:
+        if monitor.measured_pose.at is None and not monitor.inputs_outputs:
+            pose = pose_field(_MEASURED_POSE, monitor.measured_pose.name, monitor.measured_pose.values)
+        if pose is None:
+            _transformation(rest.measured_pose, monitor.measured_pose)
     for value in monitor.inputs_outputs:
         _io(rest.io.add(), value)
-    if monitor.measured_pose is not None:
-        _transformation(rest.measured_pose, monitor.measured_pose)
     if monitor.redundancy is not None:
         rest.redundancy.strategy, rest.redundancy.value = monitor.redundancy
     if monitor.at is not None:
@@ -96,6 +101,7 @@ def _monitor_bytes(monitor: MonitorData) -> bytes:
             vector_field(b"\x22", monitor.commanded_torque),
             vector_field(b"\x2a", monitor.external_torque),
             vector_field(b"\x32", monitor.external_force),
+            pose or b"",
             rest.SerializeToString(),
         )
     )
