@@ -147,6 +147,8 @@ async def _stream(sock: socket.socket) -> asyncio_dgram.aio.DatagramClient | asy
     errors: asyncio.Queue[Exception] = asyncio.Queue()
     drained = asyncio.Event()
     transport, _ = await loop.create_datagram_endpoint(lambda: _StampingProtocol(received, errors, drained), sock=sock)
+    # The first question makes the kernel begin to stamp; the first answers may be the time of asking.
+    _arrived_unix_ns(transport)
     peer = transport.get_extra_info("peername")
     if peer is None:
         return asyncio_dgram.aio.DatagramServer(transport, received, errors, drained)
