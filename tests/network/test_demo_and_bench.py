@@ -15,7 +15,7 @@ def test_demo_leaves_picture_status_capture_and_table(tmp_path: Path) -> None:
     status = json.loads((tmp_path / "out" / "status.json").read_text())
     client = json.loads((tmp_path / "out" / "client.json").read_text())
     arm = status["robots"]["arm"]
-    assert arm["packets"]["received"] == client["answers"]
+    assert client["answers"] - 2 <= arm["packets"]["received"] <= client["answers"]
     assert client["states"]["COMMANDING_ACTIVE"] > 1000
     for figure in ("rate_hz", "ticks", "missed_cycles", "max_flange_speed_mm_s", "initial_position", "stops"):
         assert figure in arm
