@@ -7,9 +7,9 @@ counted. Both are read by asyncio one datagram a loop pass, so nothing queues he
 
 import asyncio
 import errno
-import fcntl
 import socket
 import struct
+import sys
 from typing import NamedTuple
 
 import asyncio_dgram
@@ -19,10 +19,13 @@ from hil.values.link import Address
 
 ANY_HOST = "0.0.0.0"  # noqa: S104  # compared with, never bound to by default
 RECEIVE_BUFFER_BYTES = 1 << 18
-
-
 _SIOCGSTAMPNS = 0x8907
 _TIMESPEC = struct.Struct("@ll")
+_IN_USE = (
+    "; another program holds that port, and one that listens on all addresses (an FRI client does) holds "
+    "it on every address of this machine: choose another port, bind the client to one address, "
+    "or give it a network namespace of its own"
+)
 
 
 class Arrival(NamedTuple):
@@ -110,11 +113,11 @@ async def open_peer_endpoint(*, bind: Address, peer: Address) -> PeerEndpoint:
     try:
         # Bound without SO_REUSEADDR, so that a port in use is found out; the option then lets in our second socket,
         # and is taken back before anybody else could use it.
-        _bind(first, bind)
+        bind_socket(first, bind, in_use=_IN_USE)
         bound = first.getsockname()
         first.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         second.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        _bind(second, Address(*bound))
+        bind_socket(second, Address(*bound), in_use=_IN_USE)
         for sock in (first, second):
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0)
             sock.setblocking(False)
@@ -157,6 +160,10 @@ async def _stream(sock: socket.socket) -> asyncio_dgram.aio.DatagramClient | asy
 
 
 def _arrived_unix_ns(transport: asyncio.DatagramTransport) -> int | None:
+    if sys.platform != "linux":
+        return None
+    import fcntl
+
     try:
         answer = fcntl.ioctl(transport.get_extra_info("socket").fileno(), _SIOCGSTAMPNS, bytes(_TIMESPEC.size))
     except OSError:
@@ -222,24 +229,27 @@ def parse_address(text: str, *, default_port: int) -> Address:
         raise ConfigurationError(f"{text!r}: there is no host {host!r} with an IPv4 address") from None
 
 
+def bind_socket(sock: socket.socket, address: Address, *, in_use: str) -> None:
+    """Bind ``sock``; raise :class:`EndpointError` in one sentence that ends with ``in_use`` if the port is taken."""
+    try:
+        sock.bind(address)
+    except OSError as error:
+        hint = in_use if error.errno == errno.EADDRINUSE else ""
+        raise EndpointError(f"cannot bind UDP {address}: {error.strerror}{hint}") from error
+
+
+def free_port(host: str) -> int:
+    """Return a UDP port of a local address that nobody uses now."""
+    with _socket() as sock:
+        sock.bind((host, 0))
+        port: int = sock.getsockname()[1]
+        return port
+
+
 def _socket() -> socket.socket:
     sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
     return sock
-
-
-def _bind(sock: socket.socket, address: Address) -> None:
-    try:
-        sock.bind(address)
-    except OSError as error:
-        hint = ""
-        if error.errno == errno.EADDRINUSE:
-            hint = (
-                "; another program holds that port, and one that listens on all addresses (an FRI client does) holds "
-                "it on every address of this machine: choose another port, bind the client to one address, "
-                "or give it a network namespace of its own"
-            )
-        raise EndpointError(f"cannot bind UDP {address}: {error.strerror}{hint}") from error
 
 
 def _connect(sock: socket.socket, peer: Address) -> None:

@@ -30,7 +30,7 @@ def demo(
     """Let a sample FRI client move axis 4 of a simulated arm by a sine, over UDP at 1 kHz, and show what happened."""
     from backends.robots import load_description
     from hil.runtime.assembly import check_backend
-    from tools.bench.rate import free_port
+    from transport.udp import free_port
 
     load_description(robot)
     check_backend(backend)
@@ -40,7 +40,7 @@ def demo(
         raise ConfigurationError(f"cannot make the folder {out}: {error.strerror}") from error
     status, capture, picture = out / "status.json", out / "run.pcapng", out / "run.png"
     console = Console()
-    port = free_port()
+    port = free_port("127.0.0.1")
     client_arguments = [
         *("-m", "apps.fri_joint_sine", "--fri-version", fri_version.value, "--bind", "127.0.0.1"),
         *("--port", port, "--seconds", seconds + 10, "--json", out / "client.json"),

@@ -23,6 +23,7 @@ from tools.bench.bounds import (
     at_most,
     near,
 )
+from transport.udp import free_port
 
 _HOST = "127.0.0.1"
 
@@ -60,7 +61,7 @@ def bench_rate(
     with tempfile.TemporaryDirectory(prefix="fri-hil-bench-") as folder:
         status, result = Path(folder, "status.json"), Path(folder, "client.json")
         first_s = start_to_first_packet(robot=robot, backend=backend, release=release)
-        port = free_port()
+        port = free_port(_HOST)
         client = _start(
             "apps.fri_joint_sine",
             *("--fri-version", release, "--bind", _HOST, "--port", port, "--seconds", seconds + 10, "--json", result),
@@ -101,14 +102,6 @@ def start_to_first_packet(*, robot: str, backend: str, release: Release) -> floa
             controller.terminate()
             controller.communicate()
         return (elapsed_ns() - before_ns) / 1e9
-
-
-def free_port() -> int:
-    """Return a UDP port of the loopback address that nobody uses now."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind((_HOST, 0))
-        port: int = sock.getsockname()[1]
-        return port
 
 
 def _start(module: str, *arguments: object) -> "subprocess.Popen[bytes]":

@@ -21,8 +21,6 @@ from transport.fri.writing import MonitoringWriter
 _HEADER_BYTES = 10
 """Smallest message: a header submessage whose three varints take at least 4, 2 and 2 bytes, and its own tag."""
 
-_NOTHING_ELSE = CommandData()[1:]
-
 _M = TypeVar("_M", fri_pb2.CommandMessage, fri_pb2.MonitoringMessage)
 
 
@@ -109,8 +107,6 @@ class FriCodec:
         return MalformedDatagram(Outcome.UNDECODABLE, f"{len(datagram)} bytes are no protobuf message of FRI")
 
     def _check_command(self, data: CommandData) -> None:
-        if data.position is not None and data[1:] == _NOTHING_ELSE:
-            return
         traits = self._traits
         if not traits.pose and (data.pose is not None or data.redundancy is not None):
             raise self._other_release("a Cartesian pose, which only 2.x has")

@@ -49,10 +49,6 @@ def monitoring(wire: fri_pb2.MonitoringMessage) -> MonitoringMessage:
 
 
 def _command(wire: fri_pb2.CommandData) -> CommandData:
-    # Nearly every command is a joint position and nothing else; asking for each field costs more than parsing did.
-    fields = wire.ListFields()
-    if len(fields) == 1 and fields[0][0].number == fri_pb2.CommandData.POSITION_FIELD_NUMBER:
-        return CommandData(tuple(fields[0][1].value))
     return CommandData(
         tuple(wire.position.value) if wire.HasField("position") else None,
         tuple(wire.wrench.value) if wire.HasField("wrench") else None,

@@ -49,8 +49,17 @@ class MonitoringWriter:
 def _robot_piece(robot: RobotInfo | None) -> bytes:
     wire = fri_pb2.MonitoringMessage()
     if robot is not None:
-        wire.robot.SetInParent()
-        _robot(wire.robot, robot)
+        target = wire.robot
+        target.SetInParent()
+        if robot.joint_count is not None:
+            target.joint_count = robot.joint_count
+        if robot.safety_state is not None:
+            target.safety_state = robot.safety_state
+        target.drive_state.extend(robot.drive_states)
+        if robot.operation_mode is not None:
+            target.operation_mode = robot.operation_mode
+        if robot.control_mode is not None:
+            target.control_mode = robot.control_mode
     return wire.SerializePartialToString()
 
 
@@ -142,18 +151,6 @@ def _header(wire: fri_pb2.Header, message: MonitoringMessage | CommandMessage) -
     wire.identifier = message.identifier
     wire.sequence_counter = message.sequence_counter
     wire.reflected_sequence_counter = message.reflected_sequence_counter
-
-
-def _robot(wire: fri_pb2.RobotInfo, robot: RobotInfo) -> None:
-    if robot.joint_count is not None:
-        wire.joint_count = robot.joint_count
-    if robot.safety_state is not None:
-        wire.safety_state = robot.safety_state
-    wire.drive_state.extend(robot.drive_states)
-    if robot.operation_mode is not None:
-        wire.operation_mode = robot.operation_mode
-    if robot.control_mode is not None:
-        wire.control_mode = robot.control_mode
 
 
 def _vector(wire: fri_pb2.JointValues | fri_pb2.CommandedWrench, values: Vector | None) -> None:

@@ -1,15 +1,35 @@
 """What both shells share: the socket, and how long a run waits for its next datagram."""
 
-import errno
 import socket
 from collections.abc import Iterator
 
 from hil.client._deadline import Deadline
 from hil.client.fri.errors import NothingHeard
+from hil.client.fri.handler import FriHandler
 from hil.client.fri.session import ClientSession
 from hil.values.errors import ConfigurationError, EndpointError, UsageError
+from hil.values.fri import CLIENT_PORT, Release
 from hil.values.link import Address
-from transport.udp import parse_address
+from transport.udp import ANY_HOST, bind_socket, parse_address
+
+_IN_USE = "; another program, maybe another FRI client, holds that port: end it, or choose another port"
+
+
+class ClientShell:
+    """The part of a client that has no socket yet: its session, and where it will bind and connect."""
+
+    def __init__(
+        self,
+        handler: FriHandler,
+        *,
+        release: Release,
+        port: int = CLIENT_PORT,
+        bind_host: str = ANY_HOST,
+        controller: str | None = None,
+    ) -> None:
+        self.session = ClientSession(release, handler)
+        self._bind = Address(bind_host, port)
+        self._controller = controller
 
 
 def open_socket(*, bind: Address, controller: str | None) -> socket.socket:
@@ -21,7 +41,7 @@ def open_socket(*, bind: Address, controller: str | None) -> socket.socket:
         raise ConfigurationError(f"port {bind.port} is outside 0..65535")
     sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
-        _bind(sock, bind)
+        bind_socket(sock, bind, in_use=_IN_USE)
         if controller is not None:
             _connect(sock, parse_address(controller, default_port=sock.getsockname()[1]))
     except BaseException:
@@ -65,16 +85,6 @@ def _earlier(one: float | None, other: float | None) -> float | None:
     if one is None or other is None:
         return other if one is None else one
     return min(one, other)
-
-
-def _bind(sock: socket.socket, address: Address) -> None:
-    try:
-        sock.bind(address)
-    except OSError as error:
-        hint = ""
-        if error.errno == errno.EADDRINUSE:
-            hint = "; another program, maybe another FRI client, holds that port: end it, or choose another port"
-        raise EndpointError(f"cannot bind UDP {address}: {error.strerror}{hint}") from error
 
 
 def _connect(sock: socket.socket, controller: Address) -> None:

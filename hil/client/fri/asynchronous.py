@@ -6,32 +6,16 @@ from typing import Self, TypeAlias
 
 import asyncio_dgram
 
-from hil.client.fri._shell import cannot_answer, not_open, open_socket, timeouts
-from hil.client.fri.handler import FriHandler
-from hil.client.fri.session import ClientSession
-from hil.values.fri import CLIENT_PORT, Release
+from hil.client.fri._shell import ClientShell, cannot_answer, not_open, open_socket, timeouts
 from hil.values.link import Address
-from transport.udp import ANY_HOST
 
 _Stream: TypeAlias = asyncio_dgram.aio.DatagramClient | asyncio_dgram.aio.DatagramServer
 
 
-class AsyncFriClient:
+class AsyncFriClient(ClientShell):
     """:class:`hil.client.fri.FriClient` with ``async with``, ``await step()`` and ``await run()``; see there."""
 
-    def __init__(
-        self,
-        handler: FriHandler,
-        *,
-        release: Release,
-        port: int = CLIENT_PORT,
-        bind_host: str = ANY_HOST,
-        controller: str | None = None,
-    ) -> None:
-        self.session = ClientSession(release, handler)
-        self._bind = Address(bind_host, port)
-        self._controller = controller
-        self._stream: _Stream | None = None
+    _stream: _Stream | None = None
 
     async def __aenter__(self) -> Self:
         """Bind; raise :class:`hil.values.errors.EndpointError` when the port is taken."""

@@ -4,34 +4,19 @@ import socket
 from types import TracebackType
 from typing import Self
 
-from hil.client.fri._shell import cannot_answer, not_open, open_socket, timeouts
-from hil.client.fri.handler import FriHandler
-from hil.client.fri.session import ClientSession
-from hil.values.fri import CLIENT_PORT, MAX_DATAGRAM_BYTES, Release
+from hil.client.fri._shell import ClientShell, cannot_answer, not_open, open_socket, timeouts
+from hil.values.fri import MAX_DATAGRAM_BYTES
 from hil.values.link import Address
-from transport.udp import ANY_HOST
 
 
-class FriClient:
+class FriClient(ClientShell):
     """An FRI client; the socket is open inside its ``with`` block.
 
     ``port`` 0 takes any free one. Given a ``controller`` (``HOST[:PORT]``, default: the client's own port number), it
     hears that one only; else it answers whoever sent the last message.
     """
 
-    def __init__(
-        self,
-        handler: FriHandler,
-        *,
-        release: Release,
-        port: int = CLIENT_PORT,
-        bind_host: str = ANY_HOST,
-        controller: str | None = None,
-    ) -> None:
-        self.session = ClientSession(release, handler)
-        self._bind = Address(bind_host, port)
-        self._controller = controller
-        self._socket: socket.socket | None = None
+    _socket: socket.socket | None = None
 
     def __enter__(self) -> Self:
         """Bind; raise :class:`hil.values.errors.EndpointError` when the port is taken."""

@@ -4,7 +4,6 @@ from collections import deque
 
 from hil.core.fri.quality import QualityMeter
 from hil.core.fri.sequence import counter_distance
-from hil.values.fri import SEQUENCE_MODULUS
 
 
 class ExpectedAnswers:
@@ -43,21 +42,14 @@ class ExpectedAnswers:
         """A fresh answer came; only one within the budget counts for its window, and only the first."""
         if age_ns > self._budget_ns:
             return
-        pending = self._pending
-        if pending and (reflected - pending[0][0]) % SEQUENCE_MODULUS < self._multiplier:
-            pending.popleft()
-            self._meter.answered(now_ns=now_ns, latency_ns=age_ns)
-            return
-        if self._in_open_window(reflected):
-            if not self._open_answered:
-                self._open_answered = True
-                self._meter.answered(now_ns=now_ns, latency_ns=age_ns)
-            return
-        for window in pending:
+        for window in self._pending:
             if counter_distance(window[0], reflected) < self._multiplier:
-                pending.remove(window)
+                self._pending.remove(window)
                 self._meter.answered(now_ns=now_ns, latency_ns=age_ns)
                 return
+        if self._in_open_window(reflected) and not self._open_answered:
+            self._open_answered = True
+            self._meter.answered(now_ns=now_ns, latency_ns=age_ns)
 
     def expire(self, *, now_ns: int) -> None:
         """Count the windows whose time is over as missed."""

@@ -24,11 +24,6 @@ class JointOverlay:
         self.tracking_performance = 1.0
 
     @property
-    def hold_position_rad(self) -> Seven:
-        """Where the set point ends if no further target comes."""
-        return self._target
-
-    @property
     def at_rest(self) -> bool:
         """True when the last target is reached."""
         return self._cycles_left == 0

@@ -16,6 +16,7 @@ T1_SPEED_LIMIT_MM_S = 250.0
 _RANGE_TOLERANCE_RAD = 1e-9
 _SPEED_TOLERANCE = 1e-6
 
+_NOT_FINITE = "the robot side reports a state that is not finite"
 COMMAND_T1 = "cmd T1 illegal speed limit detected"
 MEASURED_T1 = "msr T1 illegal speed limit detected"
 
@@ -57,14 +58,16 @@ class Monitors:
 
     def measured(self, state: ArmState) -> str | None:
         """Check the measured state, and keep the largest flange speed."""
+        if not math.isfinite(sum(state.position_rad)):
+            return _NOT_FINITE
         # The exact speed matters only where it could be a new maximum or over the limit.
         if self._model.flange_speed_bound_mm_s(state.velocity_rad_s) <= self._no_news_mm_s:
             return None
         speed = self._model.flange_speed_mm_s(state.position_rad, state.velocity_rad_s)
         if not math.isfinite(speed):
-            return "the robot side reports a state that is not finite"
+            return _NOT_FINITE
         self.max_flange_speed_mm_s = max(self.max_flange_speed_mm_s, speed)
-        self._no_news_mm_s = min(self.max_flange_speed_mm_s, T1_SPEED_LIMIT_MM_S)
+        self._no_news_mm_s = min(self.max_flange_speed_mm_s, T1_SPEED_LIMIT_MM_S if self._t1 else math.inf)
         if self._t1 and speed > T1_SPEED_LIMIT_MM_S:
             return f"{MEASURED_T1}: {speed:.2f} mm/s, the limit is {T1_SPEED_LIMIT_MM_S:g} mm/s"
         return None
