@@ -6,6 +6,7 @@
     ├── UsageError (also ValueError)     the caller's mistake: command line, station file, argument
     │   ├── UnknownName                  a name that is not in the list it was looked up in
     │   ├── ConfigurationError           a value or a pairing of values that cannot work
+    │   │   └── OutOfRange               a number outside the range its parameter has
     │   └── IllegalTransition            an event a state machine does not know in its state
     ├── PeerError                        the other side's fault: counted, never ends a loop
     │   └── MalformedDatagram            bytes that are not a message of the configured release
@@ -38,6 +39,14 @@ class UnknownName(UsageError):
 
 class ConfigurationError(UsageError):
     """A configured value, or a pairing of values, that cannot work."""
+
+
+class OutOfRange(ConfigurationError):
+    """``name`` is ``value``; ``valid`` says in words what it may be."""
+
+    def __init__(self, name: str, value: float, valid: str) -> None:
+        self.name, self.value, self.valid = name, value, valid
+        super().__init__(f"{name} {value:g} is outside its range {valid}")
 
 
 class IllegalTransition(UsageError):

@@ -21,12 +21,21 @@ class JointLimits:
 
 
 @dataclass(frozen=True, slots=True)
+class ServoDynamics:
+    """Base acceleration and jerk of SmartServo, which its factors multiply; conservative: full load, stretched arm."""
+
+    acceleration_rad_s2: Seven
+    jerk_rad_s3: Seven
+
+
+@dataclass(frozen=True, slots=True)
 class RobotDescription:
     """One robot model: name, limits, and the pose it starts in."""
 
     name: str
     title: str
     limits: JointLimits
+    servo: ServoDynamics
     payload_kg: float
     reach_mm: float
     initial_position_rad: Seven

@@ -5,13 +5,18 @@ from typing import NamedTuple, Protocol
 from hil.values.robot import Seven
 
 STILL: Seven = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""No velocity, or no acceleration."""
 
 
 class SetPoint(NamedTuple):
-    """Position in rad and velocity in rad/s of the seven axes."""
+    """Position in rad, velocity in rad/s and acceleration in rad/s2 of the seven axes.
+
+    The acceleration is what a motion that takes over may go on from; 0 where it is not planned.
+    """
 
     position_rad: Seven
     velocity_rad_s: Seven
+    acceleration_rad_s2: Seven = STILL
 
 
 class Motion(Protocol):
