@@ -34,26 +34,34 @@ def check(file: Annotated[Path, typer.Argument(help="Station file to check.")]) 
     """Check a station file, addresses and names included, and show what it means."""
     station = load_station(file)
     from backends.robots import load_description
-    from hil.runtime.assembly import check_backend, fri_addresses
+    from hil.runtime.assembly import check_backend, link_addresses, make_servo_codec
 
     table = Table("", *(escape(robot.name) for robot in station.robot), title=escape(str(file)))
     columns = []
     for robot in station.robot:
         load_description(robot.model)
         check_backend(robot.backend)
-        addresses = fri_addresses(robot)
+        addresses = link_addresses(robot)
         rows = {
             "model": robot.model,
             "backend": robot.backend,
             "mode": robot.mode.value,
             "cycle": f"{robot.cycle_ms} ms, overrun {robot.overrun}",
         }
-        if robot.fri is not None and addresses is not None:
+        if robot.fri is not None and addresses.fri is not None:
             rows |= {
-                "FRI client": f"{addresses.peer}, release {robot.fri.release}",
-                "served from": "any free port" if addresses.bind.port == 0 else str(addresses.bind),
+                "FRI client": f"{addresses.fri.peer}, release {robot.fri.release}",
+                "served from": "any free port" if addresses.fri.bind.port == 0 else str(addresses.fri.bind),
                 "send period": f"{robot.fri.send_period_ms} ms, receive multiplier {robot.fri.receive_multiplier}",
                 "overlay": robot.fri.overlay.value,
+            }
+        if robot.servo is not None and addresses.servo is not None:
+            make_servo_codec(robot.servo)
+            reaction = robot.reaction.settings()
+            rows |= {
+                "applications": f"{addresses.servo}, {'with a key' if robot.servo.key_file else 'no key'}",
+                "reaction time": f"SmartServo {reaction.smart_servo_ms:g} ms, "
+                f"DirectServo {reaction.direct_servo_ms:g} ms",
             }
         columns.append(rows)
     for label in dict.fromkeys(label for rows in columns for label in rows):
@@ -66,3 +74,12 @@ def check(file: Annotated[Path, typer.Argument(help="Station file to check.")]) 
 def schema() -> None:
     """Print the JSON schema of station files."""
     typer.echo(json.dumps(Station.model_json_schema(), indent=2))
+
+
+@app.command()
+def key(file: Annotated[Path, typer.Argument(help="File to write; only its owner may read it.")]) -> None:
+    """Write a new pre-shared key for the servo link. Never overwrites a file."""
+    from transport.servo import write_key
+
+    write_key(file)
+    typer.echo(f"wrote {file}; both sides need it: key_file in the station file, and the application's key")

@@ -47,7 +47,7 @@ def demo(
     ]
     controller_arguments = [
         *("-m", "hil.cli.main", "run", "--robot", robot, "--backend", backend, "--fri-version", fri_version.value),
-        *("--fri-client", f"127.0.0.1:{port}", "--duration", seconds, "--progress", 0),
+        *("--fri-client", f"127.0.0.1:{port}", "--servo", "off", "--duration", seconds, "--progress", 0),
         *("--status-json", status, "--capture", capture),
     ]
     console.print(f"client:     python {' '.join(map(str, client_arguments))}", style="dim", soft_wrap=True)

@@ -1,16 +1,17 @@
 """``hil run``: be the controller, until Ctrl-C or the duration ends it."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from hil.config.station import Mode, Overlay, Station, load_station, parse_station
+from hil.config.station import Mode, Overlay, Reaction, Station, load_station, parse_station
 from hil.values.errors import ConfigurationError
 from hil.values.fri import Release
 
 _ENDPOINTS = ("client", "bind")
 """Options that name an address: they cannot hold for several robots at once."""
+_OFF = "off"
 
 
 def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody calls this with positions
@@ -37,6 +38,16 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
     send_period: Annotated[int | None, typer.Option(metavar="MS", help="Send period, 1..100 ms; 1.")] = None,
     receive_multiplier: Annotated[int | None, typer.Option(metavar="N", help="Client answers every n-th; 1.")] = None,
     overlay: Annotated[Overlay | None, typer.Option(help="What the client may command; joint-position.")] = None,
+    servo: Annotated[
+        str | None,
+        typer.Option(metavar="ADDR[:PORT]|off", help="Where applications connect to; 127.0.0.1:30300."),
+    ] = None,
+    servo_key: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Pre-shared key of the servo link; see: hil config key")
+    ] = None,
+    reaction: Annotated[
+        Reaction | None, typer.Option(help="Reaction time of servo motions; cabinet: 22 and 12 ms, ideal: none.")
+    ] = None,
     capture: Annotated[Path | None, typer.Option(metavar="FILE.pcapng", help="Record all packets.")] = None,
     duration: Annotated[float | None, typer.Option(metavar="S", min=0.0, help="End after so many seconds.")] = None,
     status_json: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the run's figures at exit.")] = None,
@@ -45,7 +56,7 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
     ] = 1.0,
     realtime: Annotated[bool, typer.Option("--realtime", help="Ask for SCHED_FIFO, locked memory, a CPU.")] = False,
 ) -> None:
-    """Serve FRI clients, with a robot side of your choice. Ctrl-C brakes the arm, closes the session, and reports."""
+    """Serve FRI clients and servo applications. Ctrl-C brakes the arm, closes the sessions, and reports."""
     overrides = {"model": robot, "backend": backend, "mode": mode}
     fri = {
         "client": fri_client,
@@ -55,7 +66,14 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
         "receive_multiplier": receive_multiplier,
         "overlay": overlay,
     }
-    chosen = station_of(station, robot=_given(overrides), fri=_given(fri), capture=capture, realtime=realtime)
+    chosen = station_of(
+        station,
+        robot=_given(overrides),
+        fri=_given(fri),
+        servo=ServoOptions(servo, servo_key, reaction),
+        capture=capture,
+        realtime=realtime,
+    )
     from hil.cli.summary import print_summary
     from hil.runtime.run import RunOptions, run_station
 
@@ -65,11 +83,25 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
         raise typer.Exit(1)
 
 
+class ServoOptions(NamedTuple):
+    """Options of the servo link: where to bind (``off`` for no link), its key, the reaction time."""
+
+    bind: str | None = None
+    key_file: Path | None = None
+    reaction: Reaction | None = None
+
+
 def station_of(
-    path: Path | None, *, robot: dict[str, Any], fri: dict[str, Any], capture: Path | None, realtime: bool
+    path: Path | None,
+    *,
+    robot: dict[str, Any],
+    fri: dict[str, Any],
+    servo: ServoOptions,
+    capture: Path | None,
+    realtime: bool,
 ) -> Station:
-    """Return the station of a file (or one default robot with an FRI link) with options laid over it."""
-    content: dict[str, Any] = {"robot": [{"fri": {}}]}
+    """Return the station of a file (or one default robot with both links) with options laid over it."""
+    content: dict[str, Any] = {"robot": [{"fri": {}, "servo": {}}]}
     if path is not None:
         content = load_station(path).model_dump(exclude_unset=True)
     robots = content["robot"]
@@ -86,11 +118,32 @@ def station_of(
         one.update(robot)
     for one in linked:
         one["fri"] = {**(one.get("fri") or {}), **fri}
+    _lay_servo_options(robots, servo, path)
     if capture is not None:
         content["capture"] = capture
     if realtime:
         content["realtime"] = True
     return parse_station(content, where="command line" if path is None else f"{path} with the options given")
+
+
+def _lay_servo_options(robots: list[dict[str, Any]], servo: ServoOptions, path: Path | None) -> None:
+    if servo.reaction is not None:
+        for one in robots:
+            one["reaction"] = {**(one.get("reaction") or {}), "profile": servo.reaction}
+    if servo.bind == _OFF:
+        if servo.key_file is not None:
+            raise ConfigurationError("--servo off leaves nothing for --servo-key to protect")
+        for one in robots:
+            one["servo"] = None
+        return
+    given = _given({"bind": servo.bind, "key_file": servo.key_file})
+    if servo.bind is not None and len(robots) > 1:
+        raise ConfigurationError(f"{path} has {len(robots)} robots, and --servo can be that of one only: set it there")
+    linked = robots if servo.bind is not None else [one for one in robots if one.get("servo") is not None]
+    if given and not linked:
+        raise ConfigurationError(f"no robot of {path} has a servo link for --servo-key; add --servo")
+    for one in linked:
+        one["servo"] = {**(one.get("servo") or {}), **given}
 
 
 def _given(options: dict[str, Any]) -> dict[str, Any]:

@@ -7,10 +7,18 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from hil.core.settings import CYCLE_CHOICES_MS, ControllerSettings, FriSettings
+from hil.core.settings import (
+    CYCLE_CHOICES_MS,
+    IDEAL_REACTION,
+    ControllerSettings,
+    FriSettings,
+    ReactionSettings,
+    ServoSettings,
+)
 from hil.values.errors import ConfigurationError
 from hil.values.fri import CLIENT_PORT, OperationMode, Release
 from hil.values.link import Address
+from hil.values.servo import SERVO_PORT
 
 
 class Mode(StrEnum):
@@ -76,6 +84,45 @@ class FriConfig(_Model):
         return self
 
 
+class ServoConfig(_Model):
+    """``[robot.servo]``: applications that start motions and set destinations online."""
+
+    bind: Annotated[str, Field(description="ADDR[:PORT] where applications connect to")] = f"127.0.0.1:{SERVO_PORT}"
+    key_file: Annotated[
+        Path | None, Field(description="file with the pre-shared key that every packet must be tagged with")
+    ] = None
+
+
+class Reaction(StrEnum):
+    """System reaction time of servo motions, as a profile."""
+
+    CABINET = "cabinet"
+    """22 ms for SmartServo, 12 ms for DirectServo, as the manual has them."""
+    IDEAL = "ideal"
+    """None: a destination reaches the interpolator in the next cycle."""
+
+
+class ReactionConfig(_Model):
+    """``[robot.reaction]``: from the arrival of a destination to the effective motion."""
+
+    profile: Annotated[Reaction, Field(description="cabinet (22 and 12 ms) or ideal (0)")] = Reaction.CABINET
+    smart_servo_ms: Annotated[float | None, Field(description="SmartServo, instead of the profile's")] = None
+    direct_servo_ms: Annotated[float | None, Field(description="DirectServo, instead of the profile's")] = None
+
+    def settings(self) -> ReactionSettings:
+        """Return the core's settings; raise :class:`ConfigurationError`."""
+        base = IDEAL_REACTION if self.profile is Reaction.IDEAL else ReactionSettings()
+        return ReactionSettings(
+            base.smart_servo_ms if self.smart_servo_ms is None else self.smart_servo_ms,
+            base.direct_servo_ms if self.direct_servo_ms is None else self.direct_servo_ms,
+        )
+
+    @model_validator(mode="after")
+    def _bounds(self) -> Self:
+        self.settings()
+        return self
+
+
 class RobotConfig(_Model):
     """``[[robot]]``: one robot with its robot side and its links."""
 
@@ -90,20 +137,26 @@ class RobotConfig(_Model):
         Overrun, Field(description="what happens to cycles that could not begin in time: catch-up, skip, fault")
     ] = Overrun.CATCH_UP
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**63, description="seed of the simulated sensor noise")] = 0
+    reaction: Annotated[ReactionConfig, Field(description="system reaction time of servo motions")] = ReactionConfig()
     fri: Annotated[FriConfig | None, Field(description="FRI link; leave the section out for none")] = None
+    servo: Annotated[ServoConfig | None, Field(description="servo link; leave the section out for none")] = None
 
-    def settings(self, *, unix_epoch_ns: int, fri_peer: Address | None) -> ControllerSettings:
+    def settings(
+        self, *, unix_epoch_ns: int, fri_peer: Address | None, servo: ServoSettings | None
+    ) -> ControllerSettings:
         """Return the core's settings; raise :class:`ConfigurationError` for a pairing that cannot work."""
         return ControllerSettings(
             operation_mode=OperationMode[self.mode.value],
             cycle_ms=self.cycle_ms,
             unix_epoch_ns=unix_epoch_ns,
             fri=None if self.fri is None or fri_peer is None else self.fri.settings(fri_peer),
+            servo=servo,
+            reaction=self.reaction.settings(),
         )
 
     @model_validator(mode="after")
     def _pairings(self) -> Self:
-        self.settings(unix_epoch_ns=0, fri_peer=Address("127.0.0.1", CLIENT_PORT))
+        self.settings(unix_epoch_ns=0, fri_peer=Address("127.0.0.1", CLIENT_PORT), servo=None)
         return self
 
 
@@ -120,13 +173,18 @@ class Station(_Model):
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ConfigurationError(f"two robots have the name {twice[0]!r}; each needs its own")
-        clients = [robot.fri.client for robot in self.robot if robot.fri is not None]
-        shared = sorted({client for client in clients if clients.count(client) > 1})
-        if shared:
-            raise ConfigurationError(f"two robots have the FRI client {shared[0]!r}; each needs its own")
+        _refuse_shared("FRI client", [robot.fri.client for robot in self.robot if robot.fri is not None])
+        binds = [robot.servo.bind for robot in self.robot if robot.servo is not None]
+        _refuse_shared("servo address", [bind for bind in binds if not bind.endswith(":0")])
         if self.capture is not None and "\0" in str(self.capture):
             raise ConfigurationError(f"the capture file {str(self.capture)!r} has a NUL in its name")
         return self
+
+
+def _refuse_shared(what: str, values: list[str]) -> None:
+    shared = sorted({value for value in values if values.count(value) > 1})
+    if shared:
+        raise ConfigurationError(f"two robots have the {what} {shared[0]!r}; each needs its own")
 
 
 def load_station(path: Path) -> Station:

@@ -16,6 +16,11 @@ cycle_ms = 1                  # 1, 2, 4, 5
 overrun = "catch-up"          # catch-up, skip, fault: what happens to cycles that could not begin in time
 seed = 0                      # of the simulated sensor noise
 
+[robot.reaction]              # from a destination to the effective motion, for servo motions
+profile = "cabinet"           # cabinet: 22 ms SmartServo, 12 ms DirectServo; ideal: none
+# smart_servo_ms = 22.0       # instead of the profile's
+# direct_servo_ms = 12.0
+
 [robot.fri]                   # leave this section out for a robot without FRI
 client = "127.0.0.1:30200"    # where your FRI client listens
 # bind = "127.0.0.2:30200"    # where it is served from; default: any free port for a client on this machine
@@ -24,4 +29,8 @@ send_period_ms = 1            # 1..100, a multiple of cycle_ms
 receive_multiplier = 1        # send_period_ms x receive_multiplier: at most 100 ms
 overlay = "joint-position"    # none, joint-position
 # watchdog_ms = 50            # silence that ends a commanded motion
+
+[robot.servo]                 # leave this section out for a robot without servo motions
+bind = "127.0.0.1:30300"      # where applications (hil.client.servo) connect to
+# key_file = "servo.key"      # pre-shared key; make one with: hil config key servo.key
 """

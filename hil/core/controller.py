@@ -12,17 +12,23 @@ from hil.core.events import ArmResting, ArmStopped, Event
 from hil.core.fri.link import FriLink
 from hil.core.fri.messages import MessageBuilder
 from hil.core.model import ArmModel
+from hil.core.motion.application_motion import MotionBasis
 from hil.core.motion.executive import MotionExecutive
+from hil.core.motion.set_point import SetPoint
 from hil.core.safety.monitors import Monitors
+from hil.core.servo.link import SERVO_LINK, ServoLink
 from hil.core.settings import ControllerSettings
 from hil.values.arm import Backend, JointCommand
-from hil.values.errors import ConfigurationError
+from hil.values.errors import ConfigurationError, IllegalTransition
 from hil.values.fri import SafetyState
 from hil.values.fri_messages import ControllerCodec
 from hil.values.link import Outgoing, Source
+from hil.values.motion import Fault
 from hil.values.robot import RobotDescription
+from hil.values.servo import ServoControllerCodec
 
 FRI_LINK = "fri"
+_SHUTS_DOWN = Fault("the controller shuts down")
 MAX_EVENTS = 10_000
 MAX_STOPS = 1000
 
@@ -38,6 +44,7 @@ class Controller:
         model: ArmModel,
         backend: Backend,
         codec: ControllerCodec | None = None,
+        servo_codec: ServoControllerCodec | None = None,
         on_stage: Callable[[str], None] | None = None,
     ) -> None:
         self._settings = settings
@@ -50,20 +57,9 @@ class Controller:
             self._arm.position_rad, limits=description.limits, cycle_s=settings.cycle_ns * 1e-9
         )
         self._monitors = Monitors(limits=description.limits, model=model, operation_mode=settings.operation_mode)
-        self._fri: FriLink | None = None
-        if settings.fri is not None:
-            if codec is None:
-                raise ConfigurationError("an FRI link needs the codec of its release")
-            self._fri = FriLink(
-                settings=settings.fri,
-                cycle_ms=settings.cycle_ms,
-                codec=codec,
-                messages=MessageBuilder(release=codec.release, settings=settings, fri=settings.fri, model=model),
-                motion=self._motion,
-                limits=description.limits,
-                emit=self._events.append,
-                stop=self._stop,
-            )
+        self._fri = self._make_fri(codec, description, model)
+        self._servo = self._make_servo(servo_codec, description)
+        self._before: SetPoint = self._motion.set_point
         self._closing = False
         self._proposed = self._motion.set_point
         self._stages: tuple[tuple[str, Callable[[int, int], None]], ...] = (
@@ -84,6 +80,8 @@ class Controller:
         """Take one datagram that arrived at ``now_ns``; nothing a peer sends raises."""
         if source.link == FRI_LINK and self._fri is not None:
             self._fri.receive(datagram, source.address, now_ns=now_ns)
+        elif source.link == SERVO_LINK and self._servo is not None:
+            self._servo.receive(datagram, source.address, now_ns=now_ns)
 
     def tick(self, *, now_ns: int, lateness_ns: int = 0) -> None:
         """Run one control cycle. ``now_ns`` is its nominal time, ``lateness_ns`` how late it really began.
@@ -123,15 +121,19 @@ class Controller:
         if self.closed or self._closing:
             return
         self._closing = True
-        self._stop("the controller shuts down", now_ns)
+        if self._servo is not None:
+            self._servo.close_door(_SHUTS_DOWN.reason)
+        self._stop(_SHUTS_DOWN, now_ns)
         if self._motion.at_rest:
             self._finish(now_ns)
 
     def abandon(self, *, now_ns: int) -> None:
         """The robot side failed: end every session at once, with what is known of the arm. Nothing moves any more."""
         if not self.closed:
-            if self._fri is not None:
-                self._fri.end_motion("the robot side failed", now_ns=now_ns)
+            failed = Fault("the robot side failed")
+            self._stop(failed, now_ns)
+            if self._servo is not None:
+                self._servo.close_door(failed.reason)
             self._finish(now_ns)
 
     def report(self) -> dict[str, object]:
@@ -142,6 +144,7 @@ class Controller:
             "answer_latency_us": fri.answer_latency.summary_us() if fri is not None else None,
             "session": fri.log.report(fri.quality) if fri is not None else None,
             "packets": fri.counters.report() if fri is not None else None,
+            "servo": self._servo.report() if self._servo is not None else None,
             "stops": [
                 {"at_s": round(stop.at_ns / 1e9, 6), "category": stop.category.name, "reason": stop.reason}
                 for stop in self.stops
@@ -157,59 +160,138 @@ class Controller:
         """The FRI link, to be looked at."""
         return self._fri
 
+    @property
+    def servo(self) -> ServoLink | None:
+        """The servo link, to be looked at."""
+        return self._servo
+
+    @property
+    def motion(self) -> MotionExecutive:
+        """Who has the arm, to be looked at."""
+        return self._motion
+
+    def _make_fri(
+        self, codec: ControllerCodec | None, description: RobotDescription, model: ArmModel
+    ) -> FriLink | None:
+        settings = self._settings
+        if settings.fri is None:
+            return None
+        if codec is None:
+            raise ConfigurationError("an FRI link needs the codec of its release")
+        return FriLink(
+            settings=settings.fri,
+            cycle_ms=settings.cycle_ms,
+            codec=codec,
+            messages=MessageBuilder(release=codec.release, settings=settings, fri=settings.fri, model=model),
+            motion=self._motion,
+            limits=description.limits,
+            emit=self._events.append,
+            stop=self._stop,
+        )
+
+    def _make_servo(self, codec: ServoControllerCodec | None, description: RobotDescription) -> ServoLink | None:
+        settings = self._settings
+        if settings.servo is None:
+            return None
+        if codec is None:
+            raise ConfigurationError("a servo link needs its codec")
+        basis = MotionBasis(
+            limits=description.limits,
+            servo=description.servo,
+            cycle_ns=settings.cycle_ns,
+            smart_servo_dead_time_ns=settings.reaction.smart_servo_dead_time_ns,
+            direct_servo_dead_time_ns=settings.reaction.direct_servo_dead_time_ns,
+        )
+        return ServoLink(
+            settings=settings,
+            servo=settings.servo,
+            codec=codec,
+            executive=self._motion,
+            basis=basis,
+            emit=self._events.append,
+            failed=self._note_stop,
+        )
+
     def _read(self, _now_ns: int, _started_ns: int) -> None:
+        self._before = self._motion.set_point
         self._arm = self._backend.read()
 
     def _progress(self, now_ns: int, started_ns: int) -> None:
-        if self._fri is not None:
-            self._fri.progress(now_ns=now_ns, started_ns=started_ns, allow_overlay=not self._closing)
+        fri, servo = self._fri, self._servo
+        if fri is not None:
+            barred = _SHUTS_DOWN.reason if self._closing else ""
+            if not barred and servo is not None and (commander := servo.commander):
+                barred = f"the application {commander} commands the arm over the servo link"
+            fri.progress(now_ns=now_ns, started_ns=started_ns, closing=self._closing, barred=barred)
+        if servo is not None:
+            barred = ""
+            if fri is not None and fri.commanding:
+                barred = "the FRI client commands the arm: end its overlay first, or run the controller without one"
+            servo.progress(measured_rad=self._arm.position_rad, now_ns=now_ns, started_ns=started_ns, barred=barred)
 
-    def _interpolate(self, _now_ns: int, _started_ns: int) -> None:
-        self._proposed = self._motion.propose()
+    def _interpolate(self, now_ns: int, started_ns: int) -> None:
+        proposed = self._propose(now_ns, started_ns)
+        if isinstance(proposed, Fault):
+            self._stop(proposed, now_ns)
+            proposed = self._propose(now_ns, started_ns)
+            if isinstance(proposed, Fault):
+                raise IllegalTransition(self._motion.phase.value, f"a second fault ({proposed})", ["a set point"])
+        self._proposed = proposed
 
-    def _check_set_point(self, now_ns: int, _started_ns: int) -> None:
-        reason = self._monitors.set_point(self._proposed)
-        if reason is None:
+    def _propose(self, now_ns: int, started_ns: int) -> SetPoint | Fault:
+        return self._motion.propose(measured_rad=self._arm.position_rad, now_ns=now_ns, started_ns=started_ns)
+
+    def _check_set_point(self, now_ns: int, started_ns: int) -> None:
+        fault = self._monitors.set_point(self._proposed)
+        if fault is None:
             return
-        if self._stop(reason, now_ns):
-            self._proposed = self._motion.propose()
+        if self._stop(fault, now_ns):
+            self._interpolate(now_ns, started_ns)
         # A brake may fail a monitor too: the flange can still get faster while the axes get slower.
         while not self._motion.at_rest and self._monitors.set_point(self._proposed) is not None:
             self._motion.brake_harder()
-            self._proposed = self._motion.propose()
+            self._interpolate(now_ns, started_ns)
 
     def _move(self, now_ns: int, _started_ns: int) -> None:
         proposed = self._proposed
         self._backend.write(JointCommand(proposed.position_rad, proposed.velocity_rad_s))
         self._backend.step()
-        if self._motion.commit(proposed):
+        if self._motion.commit(proposed, now_ns=now_ns):
             self._events.append(ArmResting(now_ns))
 
     def _check_measured(self, now_ns: int, _started_ns: int) -> None:
-        reason = self._monitors.measured(self._arm)
-        if reason is not None:
-            self._stop(reason, now_ns)
+        fault = self._monitors.measured(self._arm) or self._monitors.tracking(self._arm, self._before)
+        if fault is not None:
+            self._stop(fault, now_ns)
 
     def _send(self, now_ns: int, started_ns: int) -> None:
         if self._closing and self._motion.at_rest:
             self._finish(now_ns)
-        elif self._fri is not None:
+            return
+        if self._fri is not None:
             message = self._fri.message(self._arm, now_ns=now_ns, started_ns=started_ns)
             if message is not None:
                 self._outgoing.append(Outgoing(FRI_LINK, message))
+        if self._servo is not None:
+            self._outgoing += self._servo.outgoing(self._arm, cycle=self.ticks, now_ns=now_ns)
 
-    def _stop(self, reason: str, now_ns: int) -> bool:
-        """End the motion for ``reason``; return whether the arm began to brake with it."""
-        braking = self._motion.brake()
+    def _stop(self, fault: Fault, now_ns: int) -> bool:
+        """End the motion for ``fault``; return whether the arm began to brake with it."""
+        braking = self._motion.brake(fault, now_ns=now_ns)
         if braking:
-            stop = ArmStopped(now_ns, SafetyState.NORMAL_OPERATION, reason)
-            self.stops.append(stop)
-            self._events.append(stop)
+            self._note_stop(fault, now_ns)
         if self._fri is not None:
-            self._fri.end_motion(reason, now_ns=now_ns)
+            self._fri.end_motion(str(fault), now_ns=now_ns)
         return braking
+
+    def _note_stop(self, fault: Fault, now_ns: int) -> None:
+        stop = ArmStopped(now_ns, SafetyState.NORMAL_OPERATION, str(fault))
+        self.stops.append(stop)
+        self._events.append(stop)
 
     def _finish(self, now_ns: int) -> None:
         if self._fri is not None and (last := self._fri.close(self._arm, now_ns=now_ns)) is not None:
             self._outgoing.append(Outgoing(FRI_LINK, last))
+        if self._servo is not None:
+            self._outgoing += self._servo.close(now_ns=now_ns)
         self.closed = True

@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 
 from hil.values.fri import Quality, Release, SafetyState, SessionState
+from hil.values.motion import MotionEnd, MotionKind
 from hil.values.outcomes import Outcome
+from hil.values.servo import Role
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,3 +111,50 @@ class ArmResting(Event):
 
     def __str__(self) -> str:
         return "arm stands still"
+
+
+@dataclass(frozen=True, slots=True)
+class ApplicationJoined(Event):
+    """A session of the servo link began; ``who`` is the application's name and address."""
+
+    who: str
+    role: Role
+
+    def __str__(self) -> str:
+        return f"{self.role.name.lower()} {self.who} joined"
+
+
+@dataclass(frozen=True, slots=True)
+class ApplicationLeft(Event):
+    """A session of the servo link ended."""
+
+    who: str
+    role: Role
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.role.name.lower()} {self.who} left: {self.reason}"
+
+
+@dataclass(frozen=True, slots=True)
+class MotionBegan(Event):
+    """A motion of an application has the arm now."""
+
+    number: int
+    kind: MotionKind
+
+    def __str__(self) -> str:
+        return f"motion {self.number} ({self.kind.name}) begins"
+
+
+@dataclass(frozen=True, slots=True)
+class MotionOver(Event):
+    """A motion of an application ended, or never began."""
+
+    number: int
+    kind: MotionKind
+    end: MotionEnd
+    reason: str
+
+    def __str__(self) -> str:
+        return f"motion {self.number} ({self.kind.name}) {self.end.name.lower()}: {self.reason}"

@@ -8,6 +8,9 @@ from hil.values.link import Address
 
 NS_PER_MS = 1_000_000
 CYCLE_CHOICES_MS = (1, 2, 4, 5)
+MAX_REACTION_MS = 200.0
+SMART_SERVO_ONSET_MS = 4.0
+DIRECT_SERVO_ONSET_MS = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +67,52 @@ class FriSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class ServoSettings:
+    """One servo link; ``token_secret`` (at most 64 bytes, not empty) makes its session tokens."""
+
+    software: str
+    robot: str
+    token_secret: bytes
+
+    def __post_init__(self) -> None:
+        if not 1 <= len(self.token_secret) <= 64:
+            raise ConfigurationError(f"a token secret of {len(self.token_secret)} bytes; 1..64 are needed")
+
+
+@dataclass(frozen=True, slots=True)
+class ReactionSettings:
+    """System reaction time: from the arrival of a destination to the effective motion (manual 1.3, 3.1.1, 7.12.2).
+
+    A part of it passes in the interpolator's soft start and in the arm (:data:`SMART_SERVO_ONSET_MS` and
+    :data:`DIRECT_SERVO_ONSET_MS`, measured by ``hil bench reaction`` with default parameters); the rest is dead time.
+    """
+
+    smart_servo_ms: float = 22.0
+    direct_servo_ms: float = 12.0
+
+    def __post_init__(self) -> None:
+        for name, value_ms in (("SmartServo", self.smart_servo_ms), ("DirectServo", self.direct_servo_ms)):
+            if not 0.0 <= value_ms <= MAX_REACTION_MS:
+                raise ConfigurationError(
+                    f"reaction time of {name} {value_ms:g} ms is outside 0..{MAX_REACTION_MS:g} ms"
+                )
+
+    @property
+    def smart_servo_dead_time_ns(self) -> int:
+        """Time a SmartServo destination waits before the interpolator has it."""
+        return round(max(0.0, self.smart_servo_ms - SMART_SERVO_ONSET_MS) * NS_PER_MS)
+
+    @property
+    def direct_servo_dead_time_ns(self) -> int:
+        """Time a DirectServo destination waits before the interpolator has it."""
+        return round(max(0.0, self.direct_servo_ms - DIRECT_SERVO_ONSET_MS) * NS_PER_MS)
+
+
+IDEAL_REACTION = ReactionSettings(0.0, 0.0)
+"""No dead time: a destination reaches the interpolator in the next cycle."""
+
+
+@dataclass(frozen=True, slots=True)
 class ControllerSettings:
     """One robot's controller; ``unix_epoch_ns`` is the Unix time of core time zero."""
 
@@ -71,6 +120,8 @@ class ControllerSettings:
     cycle_ms: int
     unix_epoch_ns: int
     fri: FriSettings | None
+    servo: ServoSettings | None = None
+    reaction: ReactionSettings = ReactionSettings()
 
     def __post_init__(self) -> None:
         if self.cycle_ms not in CYCLE_CHOICES_MS:

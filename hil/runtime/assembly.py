@@ -1,20 +1,24 @@
 """From a robot's configuration to a controller with its backend and codec: the one place that knows all rooms."""
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from backends.robots import load_description, load_pinocchio
-from hil.config.station import RobotConfig
+from hil.config.station import RobotConfig, ServoConfig
 from hil.core.controller import Controller
 from hil.core.model import ArmModel
-from hil.core.settings import NS_PER_MS
+from hil.core.settings import NS_PER_MS, ServoSettings
 from hil.values.arm import Backend
 from hil.values.errors import UnknownName
 from hil.values.fri import CLIENT_PORT
 from hil.values.fri_messages import ControllerCodec
 from hil.values.link import Address
 from hil.values.robot import RobotDescription
+from hil.values.servo import SERVO_PORT, ServoControllerCodec
+from hil.version import VERSION
 from transport.fri import FriCodec
+from transport.servo import ServoCodec, load_key
 from transport.udp import default_bind, parse_address, refuse_shared_port
 
 BACKENDS = ("mujoco", "ideal")
@@ -28,8 +32,21 @@ class FriAddresses:
     bind: Address
 
 
-def fri_addresses(config: RobotConfig) -> FriAddresses | None:
-    """Return the resolved addresses of a robot's FRI link; raise :class:`ConfigurationError`."""
+@dataclass(frozen=True, slots=True)
+class LinkAddresses:
+    """Resolved addresses of a robot's links; None for a link it has not."""
+
+    fri: FriAddresses | None
+    servo: Address | None
+
+
+def link_addresses(config: RobotConfig) -> LinkAddresses:
+    """Return the resolved addresses of a robot's links; raise :class:`ConfigurationError`."""
+    servo = None if config.servo is None else parse_address(config.servo.bind, default_port=SERVO_PORT)
+    return LinkAddresses(_fri_addresses(config), servo)
+
+
+def _fri_addresses(config: RobotConfig) -> FriAddresses | None:
     if config.fri is None:
         return None
     peer = parse_address(config.fri.client, default_port=CLIENT_PORT)
@@ -63,6 +80,12 @@ class RobotParts:
     description: RobotDescription
     model: ArmModel
     backend: Backend
+    servo_codec: ServoControllerCodec | None
+
+
+def make_servo_codec(config: ServoConfig) -> ServoCodec:
+    """Return the codec of a robot's servo link, with its key; raise :class:`ConfigurationError`."""
+    return ServoCodec(None if config.key_file is None else load_key(config.key_file))
 
 
 def open_parts(config: RobotConfig) -> RobotParts:
@@ -71,10 +94,11 @@ def open_parts(config: RobotConfig) -> RobotParts:
     Raises :class:`ConfigurationError`, :class:`UnknownName` or :class:`BackendError`.
     """
     description = load_description(config.model)
+    servo_codec = None if config.servo is None else make_servo_codec(config.servo)
     backend = make_backend(config, description)
     model = ArmModel(load_pinocchio(description.name))
     backend.open(period_ns=config.cycle_ms * NS_PER_MS)
-    return RobotParts(description, model, backend)
+    return RobotParts(description, model, backend, servo_codec)
 
 
 def make_controller(
@@ -91,10 +115,18 @@ def make_controller(
     ``codec`` takes the place of the one the configuration names.
     """
     return Controller(
-        config.settings(unix_epoch_ns=unix_epoch_ns, fri_peer=fri_peer),
+        config.settings(unix_epoch_ns=unix_epoch_ns, fri_peer=fri_peer, servo=servo_settings(config, parts)),
         description=parts.description,
         model=parts.model,
         backend=parts.backend,
         codec=FriCodec(config.fri.release) if codec is None and config.fri is not None else codec,
+        servo_codec=parts.servo_codec,
         on_stage=on_stage,
     )
+
+
+def servo_settings(config: RobotConfig, parts: RobotParts) -> ServoSettings | None:
+    """Return the core's settings of a robot's servo link, with a new secret for its session tokens."""
+    if config.servo is None:
+        return None
+    return ServoSettings(software=f"fri-hil {VERSION}", robot=parts.description.name, token_secret=os.urandom(32))

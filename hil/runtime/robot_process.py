@@ -1,4 +1,4 @@
-"""One live robot: its controller, its socket, its pacing. Supervised by :mod:`hil.runtime.run`."""
+"""One live robot: its controller, its sockets, its pacing. Supervised by :mod:`hil.runtime.run`."""
 
 import asyncio
 from collections.abc import Callable
@@ -7,14 +7,16 @@ from typing import Protocol
 from hil.config.station import Overrun, RobotConfig
 from hil.core.controller import FRI_LINK, Controller
 from hil.core.events import Event
+from hil.core.servo.link import SERVO_LINK
 from hil.core.settings import NS_PER_MS
-from hil.runtime.assembly import FriAddresses, RobotParts, make_controller, open_parts
+from hil.runtime.assembly import LinkAddresses, RobotParts, make_controller, open_parts
 from hil.runtime.clock import Clock, elapsed_ns, let_others_run, unix_time_ns
 from hil.runtime.measurements import RunMeasurements
 from hil.runtime.pacer import Pacer, Tick, open_pacer
+from hil.runtime.ports import FriPort, Port, ServoPort
 from hil.values.errors import BackendError
 from hil.values.link import Address, Source
-from transport.udp import Arrival, EndpointClosed, PeerEndpoint, open_peer_endpoint
+from transport.udp import Arrival, open_peer_endpoint, open_server_endpoint
 
 CATCH_UP_MOST = 20
 LATE_NS = 300_000
@@ -41,7 +43,7 @@ class RobotProcess:
         self,
         config: RobotConfig,
         *,
-        addresses: FriAddresses | None,
+        addresses: LinkAddresses,
         clock: Clock,
         tell: Callable[[str, Event], None],
         recorder: Recorder | None,
@@ -57,7 +59,8 @@ class RobotProcess:
         self._on_fault = on_fault
         self._controller: Controller | None = None
         self._parts: RobotParts | None = None
-        self._endpoint: PeerEndpoint | None = None
+        self._fri_port: FriPort | None = None
+        self._ports: dict[str, Port] = {}
         self._stopping = asyncio.Event()
         self._period_ns = config.cycle_ms * NS_PER_MS
         self._epoch_ns = 0
@@ -70,15 +73,19 @@ class RobotProcess:
             raise BackendError(f"robot {self.config.name} was not started")
         return self._controller
 
-    @property
-    def local_address(self) -> Address | None:
-        """Where the FRI client is served from."""
-        return None if self._endpoint is None else self._endpoint.local
+    def local_address(self, link: str) -> Address | None:
+        """Return where a link is served from; None for a link this robot has not."""
+        port = self._ports.get(link)
+        return None if port is None else port.local
 
     async def open(self) -> None:
-        """Bind the socket, load the models, open the robot side. Raises HilError."""
-        if self.addresses is not None:
-            self._endpoint = await open_peer_endpoint(bind=self.addresses.bind, peer=self.addresses.peer)
+        """Bind the sockets, load the models, open the robot side. Raises HilError."""
+        fri, servo = self.addresses.fri, self.addresses.servo
+        if fri is not None:
+            self._fri_port = FriPort(await open_peer_endpoint(bind=fri.bind, peer=fri.peer))
+            self._ports[FRI_LINK] = self._fri_port
+        if servo is not None:
+            self._ports[SERVO_LINK] = ServoPort(await open_server_endpoint(servo))
         self._parts = open_parts(self.config)
 
     def start(self, *, unix_epoch_ns: int, epoch_ns: int) -> None:
@@ -90,7 +97,7 @@ class RobotProcess:
             self.config,
             self._parts,
             unix_epoch_ns=unix_epoch_ns,
-            fri_peer=None if self.addresses is None else self.addresses.peer,
+            fri_peer=None if self.addresses.fri is None else self.addresses.fri.peer,
         )
 
     def stop(self) -> None:
@@ -115,31 +122,35 @@ class RobotProcess:
             pacer.close()
 
     def close(self) -> None:
-        """Release socket and robot side."""
-        if self._endpoint is not None:
-            self._endpoint.close()
+        """Release sockets and robot side."""
+        for port in self._ports.values():
+            port.close()
         if self._parts is not None:
             self._parts.backend.close()
 
     def report(self) -> dict[str, object]:
         """Return this robot's part of the status file."""
-        endpoint = self._endpoint
         return {
             "model": self.config.model,
             "backend": self.config.backend,
             "mode": self.config.mode.value,
             **self.measurements.report(),
             **self.controller.report(),
-            "fri": None
-            if endpoint is None or self.config.fri is None
-            else {
-                "release": self.config.fri.release.value,
-                "client": str(endpoint.peer),
-                "bound": str(endpoint.local),
-                "send_period_ms": self.config.fri.send_period_ms,
-                "receive_multiplier": self.config.fri.receive_multiplier,
-                "refused_by_peer_machine": endpoint.refused,
-            },
+            "fri": self._fri_report(),
+            "servo_bound": str(bound) if (bound := self.local_address(SERVO_LINK)) is not None else None,
+        }
+
+    def _fri_report(self) -> dict[str, object] | None:
+        fri, port = self.config.fri, self._fri_port
+        if fri is None or port is None:
+            return None
+        return {
+            "release": fri.release.value,
+            "client": str(port.endpoint.peer),
+            "bound": str(port.local),
+            "send_period_ms": fri.send_period_ms,
+            "receive_multiplier": fri.receive_multiplier,
+            "refused_by_peer_machine": port.endpoint.refused,
         }
 
     async def _cycles(self, pacer: Pacer) -> None:
@@ -186,51 +197,28 @@ class RobotProcess:
 
     async def _send_outgoing(self) -> None:
         now_ns = self._clock.now_ns() - self._epoch_ns
-        endpoint = self._endpoint
         for datagram in self.controller.outgoing(now_ns=now_ns):
-            if endpoint is None:
+            port = self._ports.get(datagram.link)
+            if port is None:
                 continue
-            await endpoint.send(datagram.payload)
+            destination = await port.send(datagram)
             # The time the core was told, not a later one: a replay must be able to tell it the same.
-            self._record(now_ns, endpoint.local, endpoint.peer, datagram.payload)
+            self._record(now_ns, port.local, destination, datagram.payload)
 
     def _listen(self, group: asyncio.TaskGroup) -> list[asyncio.Task[None]]:
-        if self._endpoint is None:
-            return []
         name = self.config.name
-        return [
-            group.create_task(self._listen_to_peer(self._endpoint), name=f"{name} FRI client"),
-            group.create_task(self._listen_to_strangers(self._endpoint), name=f"{name} FRI strangers"),
-        ]
-
-    async def _listen_to_peer(self, endpoint: PeerEndpoint) -> None:
-        source = Source(FRI_LINK, endpoint.peer)
-        while True:
-            try:
-                arrival = await endpoint.receive()
-            except EndpointClosed:
-                return
-            before_ns = elapsed_ns()
-            self._receive(arrival, source)
-            self.measurements.between_ticks(elapsed_ns() - before_ns)
-
-    async def _listen_to_strangers(self, endpoint: PeerEndpoint) -> None:
-        while True:
-            try:
-                arrival = await endpoint.receive_stranger()
-            except EndpointClosed:
-                return
-            self._receive(arrival, Source(FRI_LINK, arrival.sender))
+        return [task for port in self._ports.values() for task in port.listen(group, self._receive, robot=name)]
 
     def _receive(self, arrival: Arrival, source: Source) -> None:
+        before_ns = elapsed_ns()
         waited_ns = 0 if arrival.at_unix_ns is None else unix_time_ns() - arrival.at_unix_ns
         # A clock that was set meanwhile, or a driver that makes up stamps, must not make answers timeless.
         if not 0 <= waited_ns <= BELIEVED_WAIT_NS:
             waited_ns = 0
         now_ns = self._clock.now_ns() - self._epoch_ns - waited_ns
         self.controller.receive(arrival.datagram, source, now_ns=now_ns)
-        if self._endpoint is not None:
-            self._record(now_ns, source.address, self._endpoint.local, arrival.datagram)
+        self._record(now_ns, source.address, self._ports[source.link].local, arrival.datagram)
+        self.measurements.between_ticks(elapsed_ns() - before_ns)
 
     def _record(self, now_ns: int, source: Address, destination: Address, payload: bytes) -> None:
         if self._recorder is not None:

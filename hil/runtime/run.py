@@ -12,8 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.config.station import RobotConfig, Station
+from hil.core.controller import FRI_LINK
 from hil.core.events import Event
-from hil.runtime.assembly import fri_addresses
+from hil.core.servo.link import SERVO_LINK
+from hil.runtime.assembly import link_addresses
 from hil.runtime.clock import Clock, MonotonicClock, unix_time_ns
 from hil.runtime.console import Console
 from hil.runtime.progress import progress_line
@@ -94,7 +96,7 @@ class _Run:
     def _robot(self, config: RobotConfig, recorder: "CaptureProcess | None") -> RobotProcess:
         return RobotProcess(
             config,
-            addresses=fri_addresses(config),
+            addresses=link_addresses(config),
             clock=self._clock,
             tell=self._tell,
             recorder=recorder,
@@ -168,11 +170,14 @@ class _Run:
 def _serving(robot: RobotProcess) -> str:
     config = robot.config
     text = f"{config.name}: {config.model}, backend {config.backend}, mode {config.mode}, cycle {config.cycle_ms} ms"
-    if config.fri is not None and robot.addresses is not None:
+    if config.fri is not None and robot.addresses.fri is not None:
         text += (
-            f"; FRI {config.fri.release} from {robot.local_address} to the client at {robot.addresses.peer}, "
-            f"every {config.fri.send_period_ms} ms, overlay {config.fri.overlay}"
+            f"; FRI {config.fri.release} from {robot.local_address(FRI_LINK)} to the client at "
+            f"{robot.addresses.fri.peer}, every {config.fri.send_period_ms} ms, overlay {config.fri.overlay}"
         )
+    if config.servo is not None:
+        key = "with the key of its file" if config.servo.key_file is not None else "no key"
+        text += f"; applications at {robot.local_address(SERVO_LINK)}, {key}"
     return text
 
 

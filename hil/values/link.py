@@ -21,7 +21,8 @@ class Source(NamedTuple):
 
 
 class Outgoing(NamedTuple):
-    """A datagram for the one peer of ``link``."""
+    """A datagram that leaves through ``link``: for its one peer, or for ``destination`` where it has many."""
 
     link: str
     payload: bytes
+    destination: Address | None = None

@@ -1,6 +1,7 @@
 """Names of everything that can become of a received datagram: one counter each."""
 
 from enum import StrEnum
+from typing import Final
 
 
 class Outcome(StrEnum):
@@ -47,3 +48,21 @@ class Outcome(StrEnum):
     """A servo link packet of no session, of one that ended, or from another address than the session's."""
     CROWDED = "crowded"
     """More than the controller takes at once: hellos, sessions or requests in one cycle; the client sends again."""
+
+
+SERVO_DROPS: Final = (
+    Outcome.TOO_LONG,
+    Outcome.TOO_SHORT,
+    Outcome.UNDECODABLE,
+    Outcome.OTHER_VERSION,
+    Outcome.UNAUTHENTICATED,
+    Outcome.UNKNOWN_SESSION,
+    Outcome.DUPLICATE,
+    Outcome.REORDERED,
+    Outcome.CROWDED,
+)
+"""What may become of a packet of the servo link, beside ``ACCEPTED``."""
+
+_SERVO_ONLY = {Outcome.OTHER_VERSION, Outcome.UNAUTHENTICATED, Outcome.UNKNOWN_SESSION, Outcome.CROWDED}
+FRI_DROPS: Final = tuple(outcome for outcome in Outcome if outcome not in {Outcome.ACCEPTED, *_SERVO_ONLY})
+"""What may become of an answer of an FRI client, beside ``ACCEPTED``."""

@@ -112,7 +112,7 @@ class GoalReached(NamedTuple):
 
 
 class MotionEnded(NamedTuple):
-    """``motion`` ended at ``at_ns``; ``reason`` is public (manual 10.3 where it is an error), ``detail`` has figures."""
+    """``motion`` ended at ``at_ns``; ``reason`` is public (manual 10.3 for an error), ``detail`` has figures."""
 
     number: int
     motion: int

@@ -23,7 +23,9 @@ def own_host() -> str:
 
 
 def hil(*arguments: object) -> "subprocess.Popen[str]":
-    """Start the command line."""
+    """Start the command line; ``hil run`` without a servo link, whose default port all share, unless asked for one."""
+    if arguments[0] == "run" and "--servo" not in arguments:
+        arguments = (*arguments, "--servo", "off")
     return subprocess.Popen(
         [sys.executable, "-m", "hil.cli.main", *map(str, arguments)],
         stdout=subprocess.PIPE,

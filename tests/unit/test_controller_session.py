@@ -22,6 +22,8 @@ from hil.core.settings import FriSettings
 from hil.values.errors import IllegalTransition
 from hil.values.fri import TRAITS, OperationMode, Quality, Release, SessionState
 from hil.values.fri_messages import CommandData, CommandMessage, MonitoringMessage
+from hil.values.motion import Fault
+from tests.support.motion import proposed
 from tests.support.virtual import MS, PEER, UNIX_EPOCH_NS, Bench, RecordingBackend
 
 WAY_UP = [
@@ -284,13 +286,13 @@ def test_braking_harder_stops_from_where_it_is() -> None:
         executive.brake_harder()
     executive.start_overlay(cycles_per_target=1)
     executive.retarget((1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3))
-    executive.commit(executive.propose())
-    executive.brake()
+    executive.commit(proposed(executive), now_ns=0)
+    executive.brake(Fault("a test"), now_ns=0)
     for _ in range(20):
         executive.brake_harder()
     at = executive.set_point.position_rad
-    assert executive.propose().position_rad == at
-    assert executive.commit(executive.propose())
+    assert proposed(executive).position_rad == at
+    assert executive.commit(proposed(executive), now_ns=0)
 
 
 def test_a_long_stall_of_our_own_is_not_the_clients_fault() -> None:
@@ -364,4 +366,4 @@ def test_a_measured_position_that_is_not_finite_stops_even_at_rest(position: flo
     state = bench.backend.read()
     assert monitors.measured(state) is None
     broken = state._replace(position_rad=(position, *state.position_rad[1:]))
-    assert monitors.measured(broken) == "the robot side reports a state that is not finite"
+    assert str(monitors.measured(broken)) == "the robot side reports a state that is not finite"

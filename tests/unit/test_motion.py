@@ -12,7 +12,9 @@ from hil.core.motion.executive import PHASES, MotionExecutive, Phase
 from hil.core.motion.joint_overlay import JointOverlay
 from hil.core.motion.set_point import STILL, SetPoint
 from hil.values.errors import IllegalTransition
+from hil.values.motion import Fault
 from hil.values.robot import JOINT_COUNT, JointLimits, Seven
+from tests.support.motion import proposed
 
 CYCLE_S = 0.001
 SHARES = st.tuples(*[st.floats(-1, 1) for _ in range(JOINT_COUNT)])
@@ -134,18 +136,18 @@ def test_brake_at_the_end_of_the_range_stops_there() -> None:
 def test_executive_goes_through_its_phases_and_no_others() -> None:
     executive = MotionExecutive(STILL, limits=limits_of("lbr-med-7"), cycle_s=CYCLE_S)
     assert executive.phase is Phase.HOLDING
-    assert not executive.brake()
+    assert not executive.brake(Fault("a test"), now_ns=0)
     with pytest.raises(IllegalTransition):
         executive.retarget(STILL)
     executive.start_overlay(cycles_per_target=1)
     with pytest.raises(IllegalTransition):
         executive.start_overlay(cycles_per_target=1)
     executive.retarget((0.001, 0, 0, 0, 0, 0, 0))
-    assert not executive.commit(executive.propose())
-    assert executive.brake()
+    assert not executive.commit(proposed(executive), now_ns=0)
+    assert executive.brake(Fault("a test"), now_ns=0)
     ended = False
     while not ended:
-        ended = executive.commit(executive.propose())
+        ended = executive.commit(proposed(executive), now_ns=0)
     assert executive.phase is Phase.HOLDING
     assert executive.hold_position_rad == executive.set_point.position_rad
     assert executive.hold_position_rad[0] > 0.001

@@ -9,7 +9,7 @@ from backends.ideal import IdealBackend
 from hil.config.station import FriConfig, Overrun, RobotConfig
 from hil.core.events import Event
 from hil.runtime import robot_process
-from hil.runtime.assembly import RobotParts, open_parts
+from hil.runtime.assembly import LinkAddresses, RobotParts, open_parts
 from hil.runtime.clock import VirtualClock
 from hil.runtime.pacer import Pacer
 from hil.runtime.robot_process import CATCH_UP_MOST, RobotProcess
@@ -47,7 +47,7 @@ async def run(
     events: list[Event] = []
     process = RobotProcess(
         config,
-        addresses=None,
+        addresses=LinkAddresses(None, None),
         clock=clock,
         tell=lambda _, event: events.append(event),
         recorder=None,

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from backends.robots import robot_names
-from hil.cli.run import station_of
+from hil.cli.run import ServoOptions, station_of
 from hil.config.station import Station, load_station, parse_station
 from hil.config.template import TEMPLATE
 from hil.runtime.assembly import BACKENDS
@@ -96,7 +96,14 @@ backend = "ideal"
 def test_options_override_the_file(tmp_path: Path) -> None:
     file = tmp_path / "two.toml"
     file.write_text(TWO)
-    station = station_of(file, robot={"mode": "T1"}, fri={"send_period_ms": 4}, capture=Path("c.pcapng"), realtime=True)
+    station = station_of(
+        file,
+        robot={"mode": "T1"},
+        fri={"send_period_ms": 4},
+        servo=ServoOptions(),
+        capture=Path("c.pcapng"),
+        realtime=True,
+    )
     assert [robot.mode for robot in station.robot] == ["T1", "T1"]
     assert [robot.backend for robot in station.robot] == ["mujoco", "ideal"]
     assert [None if robot.fri is None else robot.fri.send_period_ms for robot in station.robot] == [4, None]
@@ -108,20 +115,24 @@ def test_an_address_cannot_be_that_of_two_robots(tmp_path: Path) -> None:
     file = tmp_path / "two.toml"
     file.write_text(TWO)
     with pytest.raises(ConfigurationError, match="has 2 robots, and --fri-client can be that of one only"):
-        station_of(file, robot={}, fri={"client": "127.0.0.1:30200"}, capture=None, realtime=False)
+        station_of(
+            file, robot={}, fri={"client": "127.0.0.1:30200"}, servo=ServoOptions(), capture=None, realtime=False
+        )
 
 
 def test_fri_options_need_a_robot_with_fri(tmp_path: Path) -> None:
     file = tmp_path / "plain.toml"
     file.write_text("[[robot]]\n")
     with pytest.raises(ConfigurationError, match="has an FRI link for the FRI options; add --fri-client"):
-        station_of(file, robot={}, fri={"send_period_ms": 4}, capture=None, realtime=False)
-    linked = station_of(file, robot={}, fri={"client": "127.0.0.1:30203"}, capture=None, realtime=False)
+        station_of(file, robot={}, fri={"send_period_ms": 4}, servo=ServoOptions(), capture=None, realtime=False)
+    linked = station_of(
+        file, robot={}, fri={"client": "127.0.0.1:30203"}, servo=ServoOptions(), capture=None, realtime=False
+    )
     assert linked.robot[0].fri is not None
 
 
 def test_without_a_file_there_is_one_robot_with_fri() -> None:
-    station = station_of(None, robot={}, fri={}, capture=None, realtime=False)
+    station = station_of(None, robot={}, fri={}, servo=ServoOptions(), capture=None, realtime=False)
     assert [(robot.name, robot.model, robot.backend) for robot in station.robot] == [
         ("arm", "lbr-iiwa-14-r820", "mujoco")
     ]

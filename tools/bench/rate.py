@@ -69,7 +69,7 @@ def bench_rate(
         extra: list[object] = ["--capture", Path(folder, "run.pcapng")] if capture else []
         controller = _start(
             "hil.cli.main",
-            *("run", "--robot", robot, "--backend", backend, "--fri-client", f"{_HOST}:{port}"),
+            *("run", "--robot", robot, "--backend", backend, "--fri-client", f"{_HOST}:{port}", "--servo", "off"),
             *("--fri-version", release, "--duration", seconds, "--status-json", status, "--progress", 0),
             *extra,
             *(["--realtime"] if realtime else []),

@@ -7,11 +7,11 @@ Bytes and times in (:meth:`FriLink.receive`), decisions once a cycle (:meth:`Fri
 from collections import deque
 from collections.abc import Callable
 
+from hil.core.counters import EVENT_INTERVAL_NS, PacketCounters
 from hil.core.events import ClientRestarted, Event, QualityChanged, ReleaseDoubted
 from hil.core.fri.admission import Admission, Admitted, Dropped
 from hil.core.fri.commander import JointOverlayCommander
 from hil.core.fri.commands import Refusal
-from hil.core.fri.counters import EVENT_INTERVAL_NS, PacketCounters
 from hil.core.fri.expected import ExpectedAnswers
 from hil.core.fri.log import SessionLog
 from hil.core.fri.messages import MessageBuilder
@@ -25,7 +25,8 @@ from hil.values.arm import ArmState
 from hil.values.fri import TRAITS, Quality, SessionState
 from hil.values.fri_messages import CommandMessage, ControllerCodec
 from hil.values.link import Address
-from hil.values.outcomes import Outcome
+from hil.values.motion import Fault
+from hil.values.outcomes import FRI_DROPS, Outcome
 from hil.values.robot import JointLimits
 
 
@@ -42,7 +43,7 @@ class FriLink:
         motion: MotionExecutive,
         limits: JointLimits,
         emit: Callable[[Event], None],
-        stop: Callable[[str, int], bool],
+        stop: Callable[[Fault, int], bool],
     ) -> None:
         self._settings = settings
         self._codec = codec
@@ -70,7 +71,7 @@ class FriLink:
         self._overlay_ended_because = ""
         self._first_counter_of_state: int | None = None
         self._client_saw_state = False
-        self.counters = PacketCounters()
+        self.counters = PacketCounters(FRI_DROPS)
         self.answer_latency = Histogram()
         self.log = SessionLog(emit=emit)
 
@@ -109,15 +110,18 @@ class FriLink:
         else:
             self._drop(refusal.outcome, refusal.detail, now_ns)
 
-    def progress(self, *, now_ns: int, started_ns: int, allow_overlay: bool) -> None:
-        """Once a cycle: judge what is overdue and move the session. ``started_ns`` is when the cycle really began."""
+    def progress(self, *, now_ns: int, started_ns: int, closing: bool, barred: str) -> None:
+        """Once a cycle: judge what is overdue and move the session.
+
+        ``started_ns`` is when the cycle really began, ``barred`` why no overlay may start, empty when one may.
+        """
         self._expected.expire(now_ns=started_ns)
         self._now_ns = now_ns
         if 2 * (started_ns - now_ns) > self._budget_ns:
             self._late_cycles_ns.append(now_ns)
         state = self.log.state
         if state is SessionState.IDLE:
-            if allow_overlay:
+            if not closing:
                 self._go(Trigger.SESSION_OPENED, "the robot application opens the session", now_ns)
             return
         self._note_quality(now_ns)
@@ -126,7 +130,7 @@ class FriLink:
         elif state is SessionState.MONITORING_WAIT:
             self._try_ready(now_ns)
         else:
-            self._try_overlay(now_ns, allow_overlay=allow_overlay)
+            self._try_overlay(now_ns, barred=barred)
 
     def end_motion(self, reason: str, *, now_ns: int) -> None:
         """The motion under the overlay ends: back to monitoring. The caller makes the arm brake."""
@@ -188,7 +192,7 @@ class FriLink:
             case SessionState.COMMANDING_ACTIVE:
                 refusal = self._commander.command(message)
                 if refusal is not None and refusal.ends_motion:
-                    self._stop(f"command out of bounds ({refusal.outcome.value}): {refusal.detail}", now_ns)
+                    self._stop(Fault(f"command out of bounds ({refusal.outcome.value})", refusal.detail), now_ns)
                 return refusal
             case SessionState.COMMANDING_WAIT:
                 refusal = self._commander.mirror(message)
@@ -221,13 +225,16 @@ class FriLink:
         silent_ns = self._meter.missed_in_a_row * self._budget_ns
         if silent_ns >= self._settings.watchdog_ns:
             self._stop(
-                f"client lost: {self._meter.missed_in_a_row} answers in a row are missing, "
-                f"{silent_ns / 1e6:g} ms of silence, the watchdog allows {self._settings.watchdog_ns / 1e6:g} ms",
+                Fault(
+                    "client lost",
+                    f"{self._meter.missed_in_a_row} answers in a row are missing, {silent_ns / 1e6:g} ms of silence, "
+                    f"the watchdog allows {self._settings.watchdog_ns / 1e6:g} ms",
+                ),
                 now_ns,
             )
         elif self.quality < Quality.GOOD:
             figure = f"{self._meter.describe()}{self._own_lateness()}"
-            self._stop(f"quality {self.quality.name} is not enough: {figure}", now_ns)
+            self._stop(Fault(f"quality {self.quality.name} is not enough", figure), now_ns)
         elif self.log.state is SessionState.COMMANDING_WAIT and (problem := self._commander.problem):
             kind = self._commander.problem_kind
             self.log.refuse(SessionState.COMMANDING_ACTIVE, problem, key=kind, now_ns=now_ns)
@@ -252,21 +259,19 @@ class FriLink:
                 now_ns=now_ns,
             )
 
-    def _try_overlay(self, now_ns: int, *, allow_overlay: bool) -> None:
+    def _try_overlay(self, now_ns: int, *, barred: str) -> None:
         if self.quality < Quality.GOOD:
             self._go(Trigger.QUALITY_LOST, f"quality {self.quality.name}: {self._meter.describe()}", now_ns)
             return
         if not self._client_saw_state:
             return
-        if refusal := self._no_overlay_because(now_ns, allow_overlay=allow_overlay):
+        if refusal := barred or self._no_overlay_because(now_ns):
             self.log.refuse(SessionState.COMMANDING_WAIT, refusal, key=refusal, now_ns=now_ns)
             return
         self._commander.wait()
         self._go(Trigger.OVERLAY_STARTED, "the robot application starts a position hold with a joint overlay", now_ns)
 
-    def _no_overlay_because(self, now_ns: int, *, allow_overlay: bool) -> str:
-        if not allow_overlay:
-            return "the controller is shutting down"
+    def _no_overlay_because(self, now_ns: int) -> str:
         if not self._settings.joint_position_overlay:
             return "the robot application runs no motion with an overlay (start it with --overlay joint-position)"
         if self._motion.phase is not Phase.HOLDING:
@@ -300,7 +305,7 @@ class FriLink:
             self._restart_told_before_ns = now_ns + EVENT_INTERVAL_NS
             self._emit(ClientRestarted(now_ns, before, admitted.message.sequence_counter))
         if self.commanding:
-            self._stop("the client restarted while it was commanding", now_ns)
+            self._stop(Fault("the client restarted while it was commanding"), now_ns)
 
     def _drop(self, outcome: Outcome, detail: str, now_ns: int) -> None:
         event = self.counters.dropped(outcome, detail, now_ns=now_ns)

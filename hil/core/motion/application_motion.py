@@ -5,12 +5,19 @@ began, both on the core's axis. What goes wrong is returned as a :class:`Fault`,
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from hil.core.motion.set_point import SetPoint
-from hil.values.motion import Fault, FineInterpolatorState, MotionKind, MotionParameters
-from hil.values.robot import JointLimits, Seven, ServoDynamics
+from hil.values.motion import (
+    MINIMUM_EXECUTION_TIME,
+    ErrorReason,
+    Fault,
+    FineInterpolatorState,
+    MotionKind,
+    MotionParameters,
+)
+from hil.values.robot import JointLimits, ServoDynamics, Seven
 from hil.values.servo import Vector
 
 
@@ -70,6 +77,31 @@ class ApplicationMotion(ABC):
     @abstractmethod
     def remaining_s(self, *, now_ns: int) -> float:
         """Return the time in s until the last destination taken is reached, dead time included; 0.0 when it is."""
+
+    def set_runtime_parameters(
+        self,
+        *,
+        minimum_execution_time_s: float | None,
+        velocity_planning: bool | None,
+        wait_for_pause: bool | None,
+    ) -> Fault | None:
+        """Change what may change while the motion runs (None: leave it); or say why not, and change nothing."""
+        time_s = (
+            self.parameters.minimum_execution_time_s if minimum_execution_time_s is None else minimum_execution_time_s
+        )
+        if not MINIMUM_EXECUTION_TIME.contains(time_s):
+            return Fault(ErrorReason.USER_TIME_OUT_OF_RANGE, f"minimum trajectory execution time {time_s:g} s")
+        self.parameters = replace(
+            self.parameters,
+            minimum_execution_time_s=time_s,
+            velocity_planning=self.parameters.velocity_planning if velocity_planning is None else velocity_planning,
+            wait_for_pause=self.parameters.wait_for_pause if wait_for_pause is None else wait_for_pause,
+        )
+        return None
+
+    def blend_begins(self, *, now_ns: int) -> bool:  # noqa: ARG002  # it is a PTP that looks at the time
+        """Whether the next PTP may take over before this one ends; only a PTP is ever blended."""
+        return False
 
     @property
     @abstractmethod

@@ -1,4 +1,4 @@
-"""Which motion the arm is in: hold, overlay or brake, as a table; and the hold it always comes back to."""
+"""Who has the arm: the hold it always comes back to, an FRI overlay, an application's motion or a brake; as a table."""
 
 from collections.abc import Mapping
 from enum import StrEnum
@@ -7,8 +7,10 @@ from typing import Final
 from hil.core.motion.brake import Brake
 from hil.core.motion.joint_overlay import JointOverlay
 from hil.core.motion.position_hold import PositionHold
-from hil.core.motion.set_point import SetPoint
+from hil.core.motion.queue import MotionQueue
+from hil.core.motion.set_point import STILL, SetPoint
 from hil.values.errors import IllegalTransition
+from hil.values.motion import Fault
 from hil.values.robot import JointLimits, Seven
 
 
@@ -17,15 +19,17 @@ class Phase(StrEnum):
 
     HOLDING = "holding"
     OVERLAY = "overlay"
+    APPLICATION = "application motion"
     BRAKING = "braking"
 
 
 PHASES: Final[Mapping[Phase, frozenset[Phase]]] = {
-    Phase.HOLDING: frozenset({Phase.OVERLAY}),
+    Phase.HOLDING: frozenset({Phase.OVERLAY, Phase.APPLICATION}),
     Phase.OVERLAY: frozenset({Phase.BRAKING}),
+    Phase.APPLICATION: frozenset({Phase.BRAKING, Phase.HOLDING}),
     Phase.BRAKING: frozenset({Phase.HOLDING}),
 }
-"""Phase to the phases that may follow it."""
+"""Phase to the phases that may follow it. One application's motion may follow another within APPLICATION."""
 
 
 class MotionExecutive:
@@ -38,6 +42,7 @@ class MotionExecutive:
         self.phase = Phase.HOLDING
         self.hold_position_rad = position_rad
         self.set_point = self._motion.interpolate()
+        self.applications = MotionQueue()
 
     @property
     def tracking_performance(self) -> float:
@@ -46,8 +51,8 @@ class MotionExecutive:
 
     @property
     def at_rest(self) -> bool:
-        """True while the arm holds its position."""
-        return self.phase is Phase.HOLDING
+        """True while the arm holds its position and no motion is about to begin."""
+        return self.phase is Phase.HOLDING and not self.applications
 
     def start_overlay(self, *, cycles_per_target: int) -> None:
         """Lay a joint overlay over the hold; raise :class:`IllegalTransition` unless the arm is holding."""
@@ -62,13 +67,25 @@ class MotionExecutive:
             raise IllegalTransition(self.phase.value, "a new overlay target", [Phase.OVERLAY.value])
         self._motion.retarget(target)
 
-    def brake(self) -> bool:
-        """End a running overlay by braking; return whether there was one."""
-        if self.phase is not Phase.OVERLAY:
+    def stop_application_motion(self, *, now_ns: int) -> None:
+        """End the application's active motion; what waits takes over in the next cycle, else the arm brakes."""
+        self.applications.stop_active(now_ns=now_ns)
+        if not self.applications:
+            self._brake()
+
+    def fail_application_motion(self, fault: Fault, *, now_ns: int, number: int | None = None) -> bool:
+        """End an application's motion and all behind it; return whether the arm began to brake with it."""
+        if not self.applications.fail(fault, now_ns=now_ns, number=number):
             return False
-        self._enter(Phase.BRAKING)
-        self._motion = Brake(self.set_point, limits=self._limits, cycle_s=self._cycle_s)
+        self._brake()
         return True
+
+    def brake(self, fault: Fault, *, now_ns: int) -> bool:
+        """End whatever moves the arm by braking, and drop what waits; return whether something had the arm."""
+        if self.phase is Phase.OVERLAY:
+            self._brake()
+            return True
+        return bool(self.applications) and self.fail_application_motion(fault, now_ns=now_ns)
 
     def brake_harder(self) -> None:
         """Brake from the present set point in half the time the running brake takes, at last within one cycle."""
@@ -82,19 +99,56 @@ class MotionExecutive:
             longest_s=half_s if half_s > self._cycle_s else 0.0,
         )
 
-    def propose(self) -> SetPoint:
-        """Return the set point the running motion wants next; it counts only once it is committed."""
+    def propose(self, *, measured_rad: Seven, now_ns: int, started_ns: int) -> SetPoint | Fault:
+        """Return the set point the running motion wants next, which counts only once it is committed.
+
+        A fault is one of the application's motion; the caller ends it with :meth:`brake` and asks again.
+        """
+        if self.applications and self.phase is not Phase.BRAKING:
+            fault = self._hand_over(measured_rad=measured_rad, now_ns=now_ns)
+            if fault is not None:
+                return fault
+            active = self.applications.active
+            if active is not None:
+                return active.motion.interpolate(now_ns=now_ns, started_ns=started_ns)
         return self._motion.interpolate()
 
-    def commit(self, set_point: SetPoint) -> bool:
+    def commit(self, set_point: SetPoint, *, now_ns: int) -> bool:
         """Take ``set_point`` as the present one; return True when braking ended with it."""
         self.set_point = set_point
         if self.phase is Phase.BRAKING and self._motion.at_rest:
-            self._enter(Phase.HOLDING)
-            self.hold_position_rad = set_point.position_rad
-            self._motion = PositionHold(set_point.position_rad)
+            self._hold()
             return True
+        if self.phase is Phase.APPLICATION and (active := self.applications.active) and active.motion.ended:
+            self.applications.finish(now_ns=now_ns)
+            if not self.applications:
+                self._rest()
         return False
+
+    def _hand_over(self, *, measured_rad: Seven, now_ns: int) -> Fault | None:
+        """Begin the motion whose turn it is, if any; return why it cannot begin."""
+        if self.applications.next_blends(now_ns=now_ns):
+            self.applications.finish(now_ns=now_ns, blended=True)
+        if self.applications.active is not None or self.phase is Phase.OVERLAY:
+            return None
+        if self.phase is not Phase.APPLICATION:
+            self._enter(Phase.APPLICATION)
+        return self.applications.begin_next(self.set_point, measured_rad=measured_rad, now_ns=now_ns)
+
+    def _rest(self) -> None:
+        if self.set_point.velocity_rad_s == STILL:
+            self._hold()
+        else:
+            self._brake()
+
+    def _brake(self) -> None:
+        self._enter(Phase.BRAKING)
+        self._motion = Brake(self.set_point, limits=self._limits, cycle_s=self._cycle_s)
+
+    def _hold(self) -> None:
+        self._enter(Phase.HOLDING)
+        self.hold_position_rad = self.set_point.position_rad
+        self._motion = PositionHold(self.hold_position_rad)
 
     def _enter(self, phase: Phase) -> None:
         if phase not in PHASES[self.phase]:

@@ -1,21 +1,22 @@
 """Packets by outcome, and events about dropped ones that cannot flood anybody."""
 
+from collections.abc import Iterable
+
 from hil.core.events import PacketDropped
 from hil.values.outcomes import Outcome
 
-DROPS: tuple[Outcome, ...] = tuple(outcome for outcome in Outcome if outcome is not Outcome.ACCEPTED)
 EVENT_INTERVAL_NS = 1_000_000_000
 
 
 class PacketCounters:
-    """Counts each outcome; gives one event per outcome and second."""
+    """Counts each of the ``drops`` a link knows; gives one event per outcome and second."""
 
-    def __init__(self) -> None:
+    def __init__(self, drops: Iterable[Outcome]) -> None:
         self.sent = 0
         self.received = 0
         self.accepted_count = 0
-        self.by_outcome = dict.fromkeys(DROPS, 0)
-        self._unreported = dict.fromkeys(DROPS, 0)
+        self.by_outcome = dict.fromkeys(drops, 0)
+        self._unreported = dict.fromkeys(self.by_outcome, 0)
         self._reported_at_ns: dict[Outcome, int] = {}
 
     def accepted(self) -> None:

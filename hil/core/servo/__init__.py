@@ -1,0 +1,1 @@
+"""The servo link: applications that start motions and set destinations online."""

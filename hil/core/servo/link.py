@@ -1,0 +1,302 @@
+"""The servo link of one robot: sessions, admission, requests and state packets, put together.
+
+Bytes and times in (:meth:`ServoLink.receive`), decisions once a cycle (:meth:`ServoLink.progress`), bytes out
+(:meth:`ServoLink.outgoing`). It moves nothing but the :class:`MotionExecutive` it is given.
+"""
+
+from collections import deque
+from collections.abc import Callable
+
+from hil.core.counters import PacketCounters
+from hil.core.events import ApplicationJoined, ApplicationLeft, Event, MotionBegan, MotionOver
+from hil.core.motion.application_motion import ApplicationMotion, MotionBasis
+from hil.core.motion.executive import MotionExecutive
+from hil.core.motion.queue import EndedMotion, Entry
+from hil.core.servo.door import Door
+from hil.core.servo.requests import Circumstances, RequestHandler
+from hil.core.servo.sessions import MAX_WAITING_REQUESTS, Session, SessionTable, TokenSource
+from hil.core.servo.snapshot import snapshot
+from hil.core.settings import ControllerSettings, ServoSettings
+from hil.values.arm import ArmState
+from hil.values.errors import MalformedDatagram
+from hil.values.link import Address, Outgoing
+from hil.values.motion import Fault
+from hil.values.outcomes import SERVO_DROPS, Outcome
+from hil.values.robot import Seven
+from hil.values.servo import (
+    PROTOCOL_VERSION,
+    Command,
+    Ended,
+    FromController,
+    GoalReached,
+    Goodbye,
+    Hello,
+    MotionEnded,
+    Request,
+    RequestDone,
+    RequestError,
+    Role,
+    ServoControllerCodec,
+    State,
+)
+
+SERVO_LINK = "servo"
+MAX_ANSWERS = 64
+"""Hellos answered in one cycle; more than that are dropped, and their senders say hello again."""
+_OBSERVERS_REQUEST = Fault("an observer may watch, not command; connect as commander")
+
+
+class ServoLink:
+    """All applications of one robot. ``emit`` takes events; ``failed`` is told that the arm brakes, and why."""
+
+    def __init__(
+        self,
+        *,
+        settings: ControllerSettings,
+        servo: ServoSettings,
+        codec: ServoControllerCodec,
+        executive: MotionExecutive,
+        basis: MotionBasis,
+        emit: Callable[[Event], None],
+        failed: Callable[[Fault, int], None],
+    ) -> None:
+        self._operation_mode = settings.operation_mode
+        self._codec = codec
+        self._executive = executive
+        self._emit = emit
+        self._failed = failed
+        self._sessions = SessionTable(tokens=TokenSource(servo.token_secret), cycle_ms=settings.cycle_ms)
+        self._door = Door(
+            settings=servo,
+            sessions=self._sessions,
+            cycle_ms=settings.cycle_ms,
+            unix_epoch_ns=settings.unix_epoch_ns,
+            barred=lambda: self._closed_because,
+        )
+        self._requests = RequestHandler(executive=executive, basis=basis, failed=failed)
+        self._answers: deque[tuple[Address, FromController]] = deque()
+        self._closed_because = ""
+        self._goals_told: dict[int, int] = {}
+        self._told_active: Entry | None = None
+        self._measured_rad: Seven = executive.set_point.position_rad
+        self.counters = PacketCounters(SERVO_DROPS)
+        self.sessions_begun = 0
+        self.requests_taken = 0
+        self.requests_refused = 0
+        executive.applications.on_end = self._motion_ended
+
+    @property
+    def commander(self) -> str:
+        """Who commands, for a person; empty when nobody does."""
+        return "" if self._sessions.commander is None else str(self._sessions.commander)
+
+    def receive(self, datagram: bytes, sender: Address, *, now_ns: int) -> None:
+        """Take one datagram from the link's socket; never raises for what anybody sends."""
+        self.counters.received += 1
+        try:
+            packet = self._codec.decode_from_client(datagram)
+        except MalformedDatagram as error:
+            self._drop(error.outcome, f"{sender}: {error.detail}", now_ns)
+            return
+        if isinstance(packet, Hello):
+            self._hello(packet, sender, now_ns)
+            return
+        session = self._session_of(packet, sender, now_ns)
+        if session is None or not self._in_order(session, packet.sequence, now_ns):
+            return
+        self.counters.accepted()
+        if isinstance(packet, Goodbye):
+            self._leave(session, "it said goodbye", now_ns)
+        else:
+            self._command(session, packet, now_ns)
+
+    def progress(self, *, measured_rad: Seven, now_ns: int, started_ns: int, barred: str) -> None:
+        """Once a cycle: end silent sessions, do what the commander asks. ``barred`` says why no motion may start."""
+        self._measured_rad = measured_rad
+        for session in self._sessions.overdue(now_ns=started_ns):
+            silent_ms = session.silent_ns(now_ns=started_ns) / 1e6
+            reason = f"silent for {silent_ms:.0f} ms, the watchdog allows {session.watchdog_ns / 1e6:g} ms"
+            self._end(session, reason, now_ns)
+        circumstances = Circumstances(measured_rad, now_ns, self._closed_because or barred)
+        for session in self._sessions:
+            if session.inbox:
+                inbox, session.inbox = session.inbox, []
+                for arrived_ns, request in inbox:
+                    self._do(session, request, arrived_ns, circumstances)
+
+    def outgoing(self, arm: ArmState, *, cycle: int, now_ns: int) -> list[Outgoing]:
+        """Return the packets of this cycle: answers to hellos, and the state for every session it is due for."""
+        self._tell_motions(now_ns)
+        packets = [self._send(address, answer) for address, answer in self._answers]
+        self._answers.clear()
+        shown = None
+        for session in self._sessions:
+            if session.cycles_until_state > 0 and not session.wants_state:
+                session.cycles_until_state -= 1
+                continue
+            session.cycles_until_state = session.state_period_cycles - 1
+            session.wants_state = False
+            if shown is None:
+                shown = snapshot(
+                    arm=arm,
+                    executive=self._executive,
+                    operation_mode=self._operation_mode,
+                    commander=self.commander,
+                    cycle=cycle,
+                    now_ns=now_ns,
+                )
+            session.state_sequence += 1
+            state = State(
+                session.token,
+                session.state_sequence,
+                session.sequence,
+                session.requests_done,
+                shown,
+                session.reports.to_tell(),
+            )
+            packets.append(self._send(session.address, state))
+        return packets
+
+    def close_door(self, reason: str) -> None:
+        """From now on no session begins and no motion starts."""
+        self._closed_because = reason
+
+    def close(self, *, now_ns: int) -> list[Outgoing]:
+        """End all sessions; return what tells them."""
+        for session in list(self._sessions):
+            self._end(session, self._closed_because, now_ns)
+        packets = [self._send(address, answer) for address, answer in self._answers]
+        self._answers.clear()
+        return packets
+
+    def report(self) -> dict[str, object]:
+        """Return what is known of the link, for the status file."""
+        return {
+            "commander": self.commander,
+            "observers": self._sessions.observers,
+            "sessions_begun": self.sessions_begun,
+            "requests_taken": self.requests_taken,
+            "requests_refused": self.requests_refused,
+            "motions_begun": self._executive.applications.started,
+            "packets": self.counters.report(),
+        }
+
+    def _hello(self, hello: Hello, sender: Address, now_ns: int) -> None:
+        if len(self._answers) >= MAX_ANSWERS:
+            self._drop(Outcome.CROWDED, f"{sender}: more than {MAX_ANSWERS} hellos in one cycle", now_ns)
+            return
+        answer = self._door.answer(hello, sender, now_ns=now_ns)
+        self._answers.append((sender, answer))
+        if hello.version != PROTOCOL_VERSION:
+            self._drop(Outcome.OTHER_VERSION, f"{sender} speaks version {hello.version} of the servo link", now_ns)
+        else:
+            self.counters.accepted()
+
+    def _session_of(self, packet: Command | Goodbye, sender: Address, now_ns: int) -> Session | None:
+        """Return the session of a packet; an offer becomes one with its first packet, if there is still room."""
+        session = self._sessions.find(packet.token, sender)
+        if session is not None:
+            return session
+        offer = self._sessions.offered(packet.token, sender)
+        if offer is None:
+            self._drop(Outcome.UNKNOWN_SESSION, f"{sender} sends for a session that is not there", now_ns)
+            return None
+        if reason := self._door.not_now_because(offer.role, now_ns=now_ns):
+            self._drop(Outcome.CROWDED, f"{sender} comes too late: {reason}", now_ns)
+            return None
+        self._sessions.begin(offer)
+        self.sessions_begun += 1
+        self._emit(ApplicationJoined(now_ns, str(offer), offer.role))
+        return offer
+
+    def _in_order(self, session: Session, sequence: int, now_ns: int) -> bool:
+        # Newest wins: whatever an overtaken packet carried and is not done yet, a later one carries too.
+        if sequence > session.sequence:
+            session.sequence = sequence
+            session.heard_ns = max(session.heard_ns, now_ns)
+            return True
+        outcome = Outcome.DUPLICATE if sequence == session.sequence else Outcome.REORDERED
+        self._drop(outcome, f"packet {sequence} of {session} after {session.sequence}", now_ns)
+        return False
+
+    def _command(self, session: Session, command: Command, now_ns: int) -> None:
+        session.reports.seen(command.reports_seen)
+        session.wants_state |= command.wants_state
+        for request in command.requests:
+            if request.number <= session.last_request:
+                continue
+            if len(session.inbox) >= MAX_WAITING_REQUESTS:
+                self._drop(Outcome.CROWDED, f"{session} asks for more than is done in a cycle", now_ns)
+                return
+            session.last_request = request.number
+            session.inbox.append((now_ns, request))
+
+    def _do(self, session: Session, request: Request, arrived_ns: int, circumstances: Circumstances) -> None:
+        if session.role is Role.COMMANDER:
+            error, why = self._requests.handle(request, arrived_ns=arrived_ns, circumstances=circumstances)
+        else:
+            error, why = RequestError.ILLEGAL_STATE, _OBSERVERS_REQUEST
+        if error is RequestError.NONE:
+            self.requests_taken += 1
+        else:
+            self.requests_refused += 1
+        session.requests_done = request.number
+        session.wants_state = True
+        session.reports.add(
+            lambda number: RequestDone(number, request.number, arrived_ns, error, why.reason, why.detail)
+        )
+
+    def _leave(self, session: Session, reason: str, now_ns: int) -> None:
+        self._sessions.end(session)
+        self._emit(ApplicationLeft(now_ns, str(session), session.role, reason))
+        if session.role is Role.COMMANDER:
+            self._goals_told.clear()
+            fault = Fault("the application left", reason)
+            if self._executive.applications and self._executive.fail_application_motion(fault, now_ns=now_ns):
+                self._failed(fault, now_ns)
+            self._executive.applications.forget_ends()
+
+    def _end(self, session: Session, reason: str, now_ns: int) -> None:
+        self._leave(session, reason, now_ns)
+        self._answers.append((session.address, Ended(session.token, reason)))
+
+    def _tell_motions(self, now_ns: int) -> None:
+        """Say once which motion began, and each time one reaches its goal."""
+        active = self._executive.applications.active
+        if active is not self._told_active:
+            self._told_active = active
+            if active is not None:
+                self._emit(MotionBegan(now_ns, active.number, active.motion.kind))
+        if active is not None:
+            self._tell_goal(active.number, active.motion, now_ns)
+
+    def _tell_goal(self, number: int, motion: ApplicationMotion, now_ns: int) -> None:
+        commander = self._sessions.commander
+        if commander is None or motion.goals_reached == self._goals_told.get(number, 0):
+            return
+        self._goals_told[number] = motion.goals_reached
+        commander.wants_state = True
+        measured_rad = self._measured_rad
+        commander.reports.add(lambda told: GoalReached(told, number, now_ns, motion.interpolator, measured_rad))
+
+    def _motion_ended(self, ended: EndedMotion) -> None:
+        self._tell_goal(ended.number, ended.motion, ended.at_ns)
+        self._goals_told.pop(ended.number, None)
+        self._emit(MotionOver(ended.at_ns, ended.number, ended.motion.kind, ended.end, str(ended.why)))
+        commander = self._sessions.commander
+        if commander is not None:
+            commander.wants_state = True
+            commander.reports.add(
+                lambda number: MotionEnded(
+                    number, ended.number, ended.at_ns, ended.end, ended.why.reason, ended.why.detail
+                )
+            )
+
+    def _send(self, address: Address, packet: FromController) -> Outgoing:
+        self.counters.sent += 1
+        return Outgoing(SERVO_LINK, self._codec.encode_from_controller(packet), address)
+
+    def _drop(self, outcome: Outcome, detail: str, now_ns: int) -> None:
+        event = self.counters.dropped(outcome, detail, now_ns=now_ns)
+        if event is not None:
+            self._emit(event)

@@ -1,0 +1,119 @@
+"""What a commander asks for, done to the motions: one handler for each kind of request, in a table.
+
+A refusal of the manual's carries its text (chapters 10.2 and 10.3); where the manual has none, a sentence of ours.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final, NamedTuple
+
+from hil.core.motion.application_motion import ApplicationMotion, MotionBasis
+from hil.core.motion.direct_servo import DirectServo
+from hil.core.motion.executive import MotionExecutive
+from hil.core.motion.point_to_point import PointToPoint
+from hil.core.motion.queue import Entry
+from hil.core.motion.smart_servo import SmartServo
+from hil.values.motion import MAX_MOTIONS, Fault, MotionKind
+from hil.values.robot import Seven
+from hil.values.servo import Request, RequestError, SetDestination, SetRuntimeParameters, StartMotion, StopMotion
+
+NOT_ACTIVE = "waitForTransferred called prematurely - RealtimeMotion is not active"
+"""Manual 10.2, of getRuntime and stopMotion."""
+
+_MOTIONS: Final[Mapping[MotionKind, type[ApplicationMotion]]] = {
+    MotionKind.PTP: PointToPoint,
+    MotionKind.SMART_SERVO: SmartServo,
+    MotionKind.DIRECT_SERVO: DirectServo,
+}
+
+
+class Answer(NamedTuple):
+    """What became of a request."""
+
+    error: RequestError = RequestError.NONE
+    why: Fault = Fault("")
+
+
+_DONE = Answer()
+
+
+class Circumstances(NamedTuple):
+    """What a request is judged by, beside the motions."""
+
+    measured_rad: Seven
+    now_ns: int
+    barred: str
+    """Why no motion may start now; empty when one may."""
+
+
+class RequestHandler:
+    """Does what a commander asks; ``failed`` is told when a motion ends with an error, to say that the arm brakes."""
+
+    def __init__(self, *, executive: MotionExecutive, basis: MotionBasis, failed: Callable[[Fault, int], None]) -> None:
+        self._executive = executive
+        self._basis = basis
+        self._failed = failed
+        self._handlers: Mapping[type[Request], Callable[[Any, int, Circumstances], Answer]] = {
+            StartMotion: self._start,
+            SetDestination: self._set_destination,
+            SetRuntimeParameters: self._set_parameters,
+            StopMotion: self._stop,
+        }
+
+    def handle(self, request: Request, *, arrived_ns: int, circumstances: Circumstances) -> Answer:
+        """Do what ``request``, which arrived at ``arrived_ns``, asks for; return what became of it."""
+        return self._handlers[type(request)](request, arrived_ns, circumstances)
+
+    def _start(self, request: StartMotion, _arrived_ns: int, circumstances: Circumstances) -> Answer:
+        if circumstances.barred:
+            return Answer(RequestError.ILLEGAL_STATE, Fault(circumstances.barred))
+        if self._executive.applications.full:
+            return Answer(
+                RequestError.ILLEGAL_STATE, Fault(f"{MAX_MOTIONS} motions run or wait already, no more are taken")
+            )
+        motion = _MOTIONS[request.kind](request.parameters, basis=self._basis, destination=request.destination)
+        self._executive.applications.add(request.number, motion)
+        return _DONE
+
+    def _set_destination(self, request: SetDestination, arrived_ns: int, circumstances: Circumstances) -> Answer:
+        entry = self._executive.applications.find(request.motion)
+        if entry is None:
+            return self._gone(request.motion)
+        if entry.motion.kind is MotionKind.PTP:
+            return Answer(RequestError.ILLEGAL_STATE, Fault("a PTP takes no new destination while it runs"))
+        fault = entry.motion.set_destination(
+            request.position, request.velocity, measured_rad=circumstances.measured_rad, arrived_ns=arrived_ns
+        )
+        if fault is None:
+            return _DONE
+        self._fail(entry, fault, circumstances.now_ns)
+        return Answer(RequestError.COMMAND_INVALID, fault)
+
+    def _set_parameters(self, request: SetRuntimeParameters, _arrived_ns: int, _: Circumstances) -> Answer:
+        entry = self._executive.applications.find(request.motion)
+        if entry is None:
+            return self._gone(request.motion)
+        fault = entry.motion.set_runtime_parameters(
+            minimum_execution_time_s=request.minimum_execution_time_s,
+            velocity_planning=request.velocity_planning,
+            wait_for_pause=request.wait_for_pause,
+        )
+        return _DONE if fault is None else Answer(RequestError.ILLEGAL_ARGUMENT, fault)
+
+    def _stop(self, request: StopMotion, _arrived_ns: int, circumstances: Circumstances) -> Answer:
+        entry = self._executive.applications.find(request.motion)
+        if entry is None:
+            return self._gone(request.motion)
+        if not entry.begun:
+            return Answer(RequestError.ILLEGAL_STATE, Fault(NOT_ACTIVE))
+        self._executive.stop_application_motion(now_ns=circumstances.now_ns)
+        return _DONE
+
+    def _gone(self, number: int) -> Answer:
+        ended = self._executive.applications.end_of(number)
+        if ended is None:
+            return Answer(RequestError.ILLEGAL_STATE, Fault(f"there is no motion {number}"))
+        return Answer(RequestError.COMMAND_INVALID, ended.why)
+
+    def _fail(self, entry: Entry, fault: Fault, now_ns: int) -> None:
+        if self._executive.fail_application_motion(fault, now_ns=now_ns, number=entry.number):
+            self._failed(fault, now_ns)

@@ -1,0 +1,133 @@
+"""Who talks on the servo link: one commander, any number of observers up to a bound, and offers nobody took up yet.
+
+A hello is only answered with an offer. The session begins with the first packet that carries the offer's token from
+the same address: so it takes no seat for a sender that cannot hear us, or that only repeats an old hello.
+"""
+
+import hashlib
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from hil.core.servo.reports import ReportLog
+from hil.core.settings import NS_PER_MS
+from hil.values.link import Address
+from hil.values.servo import Hello, Request, Role
+
+MAX_OFFERS = 64
+MAX_OBSERVERS = 64
+MAX_WAITING_REQUESTS = 64
+
+
+@dataclass(slots=True)
+class Session:
+    """One client, from its offer on."""
+
+    token: int
+    address: Address
+    role: Role
+    name: str
+    watchdog_ns: int
+    state_period_cycles: int
+    heard_ns: int
+    sequence: int = 0
+    """Sequence number of the client's newest packet."""
+    state_sequence: int = 0
+    cycles_until_state: int = 0
+    wants_state: bool = False
+    last_request: int = 0
+    """Number of the last request put into the inbox."""
+    requests_done: int = 0
+    inbox: list[tuple[int, Request]] = field(default_factory=list)
+    """Requests with the time they arrived at."""
+    reports: ReportLog = field(default_factory=ReportLog)
+
+    def __str__(self) -> str:
+        return f"{self.name} at {self.address}" if self.name else str(self.address)
+
+    def silent_ns(self, *, now_ns: int) -> int:
+        """Return how long nothing was heard of the client."""
+        return now_ns - self.heard_ns
+
+
+class TokenSource:
+    """Session tokens: 64 bits nobody can guess who does not know ``secret``; the same secret gives the same ones."""
+
+    def __init__(self, secret: bytes) -> None:
+        self._secret = secret
+        self._made = 0
+
+    def next(self) -> int:
+        """Return a token that was not returned before; never 0."""
+        self._made += 1
+        digest = hashlib.blake2b(self._made.to_bytes(8, "little"), key=self._secret, digest_size=8).digest()
+        return int.from_bytes(digest, "little") or 1
+
+
+class SessionTable:
+    """All sessions of one robot's servo link, in bounded memory."""
+
+    def __init__(self, *, tokens: TokenSource, cycle_ms: int) -> None:
+        self._tokens = tokens
+        self._cycle_ms = cycle_ms
+        self._offers: OrderedDict[tuple[Address, int], Session] = OrderedDict()
+        self._offered: dict[int, tuple[Address, int]] = {}
+        self._sessions: dict[int, Session] = {}
+        self.commander: Session | None = None
+
+    def __iter__(self) -> Iterator[Session]:
+        return iter(self._sessions.values())
+
+    @property
+    def observers(self) -> int:
+        """How many sessions only watch."""
+        return len(self._sessions) - (self.commander is not None)
+
+    def offer(self, hello: Hello, sender: Address, *, now_ns: int) -> Session:
+        """Return the session offered for ``hello``: the same one for a hello that was sent again."""
+        key = (sender, hello.nonce)
+        offered = self._offers.get(key)
+        if offered is not None:
+            return offered
+        if len(self._offers) >= MAX_OFFERS:
+            _, forgotten = self._offers.popitem(last=False)
+            del self._offered[forgotten.token]
+        session = Session(
+            token=self._tokens.next(),
+            address=sender,
+            role=hello.role,
+            name=hello.name,
+            watchdog_ns=hello.watchdog_ms * NS_PER_MS,
+            state_period_cycles=max(1, hello.state_period_ms // self._cycle_ms),
+            heard_ns=now_ns,
+        )
+        self._offers[key] = session
+        self._offered[session.token] = key
+        return session
+
+    def find(self, token: int, sender: Address) -> Session | None:
+        """Return the running session of ``token``, if ``sender`` is its client."""
+        session = self._sessions.get(token)
+        return session if session is not None and session.address == sender else None
+
+    def offered(self, token: int, sender: Address) -> Session | None:
+        """Return the offer of ``token``, if it was made to ``sender``."""
+        key = self._offered.get(token)
+        return self._offers[key] if key is not None and key[0] == sender else None
+
+    def begin(self, session: Session) -> None:
+        """The client took up its offer. The caller has seen that there is room for it."""
+        del self._offers[self._offered.pop(session.token)]
+        self._sessions[session.token] = session
+        if session.role is Role.COMMANDER:
+            self.commander = session
+
+    def end(self, session: Session) -> None:
+        """The session is over."""
+        del self._sessions[session.token]
+        if self.commander is session:
+            self.commander = None
+
+    def overdue(self, *, now_ns: int) -> list[Session]:
+        """Return the sessions that have been silent for longer than their watchdogs allow."""
+        return [session for session in self._sessions.values() if now_ns - session.heard_ns > session.watchdog_ns]

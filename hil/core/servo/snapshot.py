@@ -1,0 +1,49 @@
+"""What a state packet says of controller, arm and motions."""
+
+from hil.core.motion.executive import MotionExecutive
+from hil.core.motion.queue import Entry
+from hil.values.arm import ArmState
+from hil.values.fri import OperationMode
+from hil.values.motion import MotionPhase
+from hil.values.servo import MotionState, Snapshot
+
+
+def snapshot(
+    *,
+    arm: ArmState,
+    executive: MotionExecutive,
+    operation_mode: OperationMode,
+    commander: str,
+    cycle: int,
+    now_ns: int,
+) -> Snapshot:
+    """Return the snapshot of a cycle whose nominal time is ``now_ns``."""
+    return Snapshot(
+        now_ns,
+        cycle,
+        operation_mode,
+        arm.position_rad,
+        executive.set_point.position_rad,
+        arm.torque_nm,
+        arm.external_torque_nm,
+        commander,
+        tuple([_motion_state(entry, phase, now_ns) for entry, phase in executive.applications.phases()]),
+    )
+
+
+def _motion_state(entry: Entry, phase: MotionPhase, now_ns: int) -> MotionState:
+    motion, accounting = entry.motion, entry.motion.accounting
+    return MotionState(
+        entry.number,
+        motion.kind,
+        phase,
+        motion.interpolator,
+        motion.destination or (),
+        motion.destination_at_ns,
+        motion.remaining_s(now_ns=now_ns) if entry.begun else 0.0,
+        motion.goals_reached,
+        accounting.received,
+        accounting.superseded,
+        accounting.executed,
+        accounting.executed_at_ns,
+    )

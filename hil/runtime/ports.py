@@ -1,0 +1,94 @@
+"""A robot's sockets, one port a link: each listens for the core and sends what the core has for it."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Protocol, TypeAlias
+
+from hil.core.controller import FRI_LINK
+from hil.core.servo.link import SERVO_LINK
+from hil.values.link import Address, Outgoing, Source
+from transport.udp import Arrival, EndpointClosed, PeerEndpoint, ServerEndpoint
+
+Taker: TypeAlias = Callable[[Arrival, Source], None]
+
+
+class Port(Protocol):
+    """One link's socket."""
+
+    @property
+    def local(self) -> Address:
+        """Where it is bound."""
+
+    def listen(self, group: asyncio.TaskGroup, take: Taker, *, robot: str) -> list[asyncio.Task[None]]:
+        """Start the tasks that hand every datagram to ``take``, until the port is closed."""
+
+    async def send(self, outgoing: Outgoing) -> Address:
+        """Send a datagram and return where it went; an unreachable peer is counted, not raised."""
+
+    def close(self) -> None:
+        """Release the socket."""
+
+
+class FriPort:
+    """The socket for one FRI client, and the ear for everybody else who sends to the same address."""
+
+    def __init__(self, endpoint: PeerEndpoint) -> None:
+        self.endpoint = endpoint
+
+    @property
+    def local(self) -> Address:
+        """Where the client is served from."""
+        return self.endpoint.local
+
+    def listen(self, group: asyncio.TaskGroup, take: Taker, *, robot: str) -> list[asyncio.Task[None]]:
+        """Listen to the client and to strangers."""
+        return [
+            group.create_task(_hand_over(self.endpoint.receive, FRI_LINK, take), name=f"{robot} FRI client"),
+            group.create_task(
+                _hand_over(self.endpoint.receive_stranger, FRI_LINK, take), name=f"{robot} FRI strangers"
+            ),
+        ]
+
+    async def send(self, outgoing: Outgoing) -> Address:
+        """Send to the client."""
+        await self.endpoint.send(outgoing.payload)
+        return self.endpoint.peer
+
+    def close(self) -> None:
+        """Release both sockets."""
+        self.endpoint.close()
+
+
+class ServoPort:
+    """The socket all applications of a robot send to."""
+
+    def __init__(self, endpoint: ServerEndpoint) -> None:
+        self.endpoint = endpoint
+
+    @property
+    def local(self) -> Address:
+        """Where applications connect to."""
+        return self.endpoint.local
+
+    def listen(self, group: asyncio.TaskGroup, take: Taker, *, robot: str) -> list[asyncio.Task[None]]:
+        """Listen to whoever sends."""
+        return [group.create_task(_hand_over(self.endpoint.receive, SERVO_LINK, take), name=f"{robot} servo link")]
+
+    async def send(self, outgoing: Outgoing) -> Address:
+        """Send to the application that the datagram is for."""
+        destination = outgoing.destination or self.endpoint.local
+        await self.endpoint.send(outgoing.payload, destination)
+        return destination
+
+    def close(self) -> None:
+        """Release the socket."""
+        self.endpoint.close()
+
+
+async def _hand_over(receive: Callable[[], Awaitable[Arrival]], link: str, take: Taker) -> None:
+    while True:
+        try:
+            arrival = await receive()
+        except EndpointClosed:
+            return
+        take(arrival, Source(link, arrival.sender))
