@@ -42,4 +42,4 @@ class IdealBackend(InProcessBackend):
         self._next = command
 
     def _step(self) -> None:
-        self._position, self._velocity = self._next
+        self._position, self._velocity, _ = self._next

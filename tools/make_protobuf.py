@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-SCHEMAS = ("transport/fri/fri.proto",)
+SCHEMAS = ("transport/fri/fri.proto", "transport/servo/servo.proto")
 
 
 def generate(target: Path) -> None:

@@ -1,8 +1,10 @@
-"""UDP endpoints for one peer: a connected socket, and a second one that hears everybody else.
+"""UDP endpoints: for one peer, and for any number of peers.
 
-The connected socket is the kernel's filter: only the peer's datagrams reach it. What other senders address to the same
-port would be refused unseen; the second, unconnected socket on the same address takes those, so that they can be
-counted. Both are read by asyncio one datagram a loop pass, so nothing queues here but what the kernel holds.
+For one peer there is a connected socket, and a second one that hears everybody else. The connected socket is the
+kernel's filter: only the peer's datagrams reach it. What other senders address to the same port would be refused
+unseen; the second, unconnected socket on the same address takes those, so that they can be counted. For any number of
+peers there is one unconnected socket. All are read by asyncio one datagram a loop pass, so nothing queues here but what
+the kernel holds.
 """
 
 import asyncio
@@ -10,6 +12,7 @@ import errno
 import socket
 import struct
 import sys
+from collections.abc import Callable
 from typing import NamedTuple
 
 import asyncio_dgram
@@ -21,11 +24,14 @@ ANY_HOST = "0.0.0.0"  # noqa: S104  # compared with, never bound to by default
 RECEIVE_BUFFER_BYTES = 1 << 18
 _SIOCGSTAMPNS = 0x8907
 _TIMESPEC = struct.Struct("@ll")
+_IP_RECVERR = 11
+_MOST_ERRORS_AT_ONCE = 1024
 _IN_USE = (
     "; another program holds that port, and one that listens on all addresses (an FRI client does) holds "
     "it on every address of this machine: choose another port, bind the client to one address, "
     "or give it a network namespace of its own"
 )
+_SERVED = "; another `hil run` may serve there: choose another address with --servo ADDR:PORT"
 
 
 class Arrival(NamedTuple):
@@ -40,69 +46,107 @@ class EndpointClosed(EndpointError):
     """The endpoint was closed while somebody waited for a datagram."""
 
 
-class PeerEndpoint:
-    """A bound address that talks to one peer. Make it with :func:`open_peer_endpoint`; ``close`` is idempotent."""
+class _Channel:
+    """One socket that asyncio reads, and what the kernel tells of it. Make it with :func:`_open_channel`."""
 
-    def __init__(
-        self,
-        *,
-        local: Address,
-        peer: Address,
-        connected: asyncio_dgram.aio.DatagramClient,
-        others: asyncio_dgram.aio.DatagramServer,
-    ) -> None:
-        self.local = local
-        self.peer = peer
+    def __init__(self, sock: socket.socket) -> None:
+        self.local = Address(*sock.getsockname())
         self.refused = 0
-        """Datagrams the peer's machine answered with "nobody listens there"."""
-        self._connected = connected
-        self._others = others
-        self._closed = False
+        self._socket = sock
+        self._stream: asyncio_dgram.aio.DatagramStream | None = None
+        """None before it is open, and when it is closed."""
 
-    async def send(self, datagram: bytes) -> None:
-        """Send to the peer. That nobody listens there is counted, not raised."""
+    async def open(self) -> None:
+        """Let asyncio read the socket."""
+        self._stream = await _stream(self._socket, on_error=self._told_error)
+
+    def close(self) -> None:
+        """Close the socket; whoever waits for a datagram gets :class:`EndpointClosed`."""
+        if self._stream is not None:
+            self._stream.close()
+            self._stream = None
+
+    async def send(self, datagram: bytes, *destination: Address) -> None:
+        """Send to ``destination``, or to the peer of a connected socket."""
+        if self._stream is None:
+            raise EndpointClosed(f"{self.local} is closed")
         # A pending ICMP error would make the kernel refuse this datagram instead of sending it: fetch it first.
-        if self._connected.socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
-            self.refused += 1
-        self._fetch_errors()
+        if self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
+            self._told_error()
         try:
-            await self._connected.send(datagram)
+            await self._stream.send(datagram, *destination)
         except asyncio_dgram.TransportClosed:
             raise EndpointClosed(f"{self.local} is closed") from None
 
     async def receive(self) -> Arrival:
+        """Return the next datagram; raise :class:`EndpointClosed`."""
+        if self._stream is None:
+            raise EndpointClosed(f"{self.local} is closed")
+        try:
+            datagram, (sender, at_unix_ns) = await self._stream.recv()
+        except (asyncio_dgram.TransportClosed, OSError) as error:
+            raise EndpointClosed(f"{self.local} is closed") from error
+        return Arrival(datagram, Address(*sender[:2]), at_unix_ns)
+
+    def _told_error(self) -> None:
+        self.refused += max(1, _discard_answers(self._socket))
+
+
+class PeerEndpoint:
+    """A bound address that talks to one peer. Make it with :func:`open_peer_endpoint`; ``close`` is idempotent."""
+
+    def __init__(self, *, peer: Address, connected: _Channel, others: _Channel) -> None:
+        self.local = connected.local
+        self.peer = peer
+        self._connected = connected
+        self._others = others
+
+    @property
+    def refused(self) -> int:
+        """Datagrams the peer's machine answered with "nobody listens there", and those that found no way to it."""
+        return self._connected.refused
+
+    async def send(self, datagram: bytes) -> None:
+        """Send to the peer. That nobody listens there is counted, not raised."""
+        await self._connected.send(datagram)
+
+    async def receive(self) -> Arrival:
         """Return the peer's next datagram; raise :class:`EndpointClosed`."""
-        return await self._receive(self._connected)
+        return await self._connected.receive()
 
     async def receive_stranger(self) -> Arrival:
         """Return the next datagram of anybody else; raise :class:`EndpointClosed`."""
-        return await self._receive(self._others)
+        return await self._others.receive()
 
     def close(self) -> None:
         """Close both sockets."""
-        if not self._closed:
-            self._closed = True
-            self._connected.close()
-            self._others.close()
+        self._connected.close()
+        self._others.close()
 
-    async def _receive(self, stream: asyncio_dgram.aio.DatagramClient | asyncio_dgram.aio.DatagramServer) -> Arrival:
-        while True:
-            try:
-                datagram, (sender, at_unix_ns) = await stream.recv()
-            except asyncio_dgram.TransportClosed:
-                raise EndpointClosed(f"{self.local} is closed") from None
-            except OSError:
-                self.refused += 1
-            else:
-                return Arrival(datagram, Address(*sender[:2]), at_unix_ns)
 
-    def _fetch_errors(self) -> None:
-        while True:
-            try:
-                if self._connected.exception is None:
-                    return
-            except OSError:
-                self.refused += 1
+class ServerEndpoint:
+    """A bound address for any number of peers. Make it with :func:`open_server_endpoint`; ``close`` is idempotent."""
+
+    def __init__(self, channel: _Channel) -> None:
+        self.local = channel.local
+        self._channel = channel
+
+    @property
+    def refused(self) -> int:
+        """Datagrams that were answered with "nobody listens there", and those that found no way."""
+        return self._channel.refused
+
+    async def send(self, datagram: bytes, destination: Address) -> None:
+        """Send to ``destination``. That it cannot be reached is counted, not raised."""
+        await self._channel.send(datagram, destination)
+
+    async def receive(self) -> Arrival:
+        """Return the next datagram of anybody; raise :class:`EndpointClosed`."""
+        return await self._channel.receive()
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._channel.close()
 
 
 async def open_peer_endpoint(*, bind: Address, peer: Address) -> PeerEndpoint:
@@ -122,34 +166,64 @@ async def open_peer_endpoint(*, bind: Address, peer: Address) -> PeerEndpoint:
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0)
             sock.setblocking(False)
         _connect(first, peer)
-        local = Address(*first.getsockname())
-        connected = await _stream(first)
-        others = await _stream(second)
+        connected, others = await _open_channel(first), await _open_channel(second)
     except BaseException:
         first.close()
         second.close()
         raise
-    return PeerEndpoint(local=local, peer=peer, connected=connected, others=others)
+    return PeerEndpoint(peer=peer, connected=connected, others=others)
 
 
-class _StampingProtocol(asyncio_dgram.aio.Protocol):  # type: ignore[misc]  # asyncio-dgram has no types
+async def open_server_endpoint(bind: Address) -> ServerEndpoint:
+    """Bind ``bind`` (port 0: any free one) for whoever sends; raise :class:`EndpointError` in one sentence."""
+    sock = _socket()
+    try:
+        bind_socket(sock, bind, in_use=_SERVED)
+        sock.setblocking(False)
+        if sys.platform == "linux":
+            # Without it an unconnected socket is not told that nobody listens where it sends to.
+            sock.setsockopt(socket.IPPROTO_IP, _IP_RECVERR, 1)
+        return ServerEndpoint(await _open_channel(sock))
+    except BaseException:
+        sock.close()
+        raise
+
+
+async def _open_channel(sock: socket.socket) -> _Channel:
+    channel = _Channel(sock)
+    await channel.open()
+    return channel
+
+
+class _Protocol(asyncio_dgram.aio.Protocol):  # type: ignore[misc]  # asyncio-dgram has no types
     """asyncio-dgram's protocol, which also asks the kernel when it got the datagram that was just read.
 
-    A control loop that was held up for a moment reads late what came in time; only the kernel knows.
+    A control loop that was held up for a moment reads late what came in time; only the kernel knows. Errors are told to
+    ``on_error`` at once, because asyncio-dgram would queue them without a bound until somebody sends.
     """
+
+    def __init__(self, *queues: object, on_error: Callable[[], None]) -> None:
+        super().__init__(*queues)
+        self._on_error = on_error
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         """Queue the datagram with its sender and its time of arrival."""
         super().datagram_received(data, (addr, _arrived_unix_ns(self._transport)))
 
+    def error_received(self, exc: Exception) -> None:  # noqa: ARG002  # asyncio's name; the counter needs no reason
+        """Tell of a datagram that did not arrive."""
+        self._on_error()
 
-async def _stream(sock: socket.socket) -> asyncio_dgram.aio.DatagramClient | asyncio_dgram.aio.DatagramServer:
+
+async def _stream(sock: socket.socket, *, on_error: Callable[[], None]) -> asyncio_dgram.aio.DatagramStream:
     """Return what ``asyncio_dgram.from_socket`` returns, with arrival times in the place of the address."""
     loop = asyncio.get_running_loop()
     received: asyncio.Queue[tuple[bytes, tuple[tuple[str, int], int | None]]] = asyncio.Queue()
     errors: asyncio.Queue[Exception] = asyncio.Queue()
     drained = asyncio.Event()
-    transport, _ = await loop.create_datagram_endpoint(lambda: _StampingProtocol(received, errors, drained), sock=sock)
+    transport, _ = await loop.create_datagram_endpoint(
+        lambda: _Protocol(received, errors, drained, on_error=on_error), sock=sock
+    )
     # The first question makes the kernel begin to stamp; the first answers may be the time of asking.
     _arrived_unix_ns(transport)
     peer = transport.get_extra_info("peername")
@@ -157,6 +231,21 @@ async def _stream(sock: socket.socket) -> asyncio_dgram.aio.DatagramClient | asy
         return asyncio_dgram.aio.DatagramServer(transport, received, errors, drained)
     transport._address = peer  # type: ignore[attr-defined]  # as asyncio-dgram does it
     return asyncio_dgram.aio.DatagramClient(transport, received, errors, drained)
+
+
+def _discard_answers(sock: socket.socket) -> int:
+    """Discard the ICMP answers the kernel keeps beside an error, and return how many.
+
+    As long as there are any, the socket counts as readable, and the event loop would do nothing else.
+    """
+    answers = 0
+    while sys.platform == "linux" and answers < _MOST_ERRORS_AT_ONCE:
+        try:
+            sock.recvmsg(0, 0, socket.MSG_ERRQUEUE)
+        except OSError:
+            break
+        answers += 1
+    return answers
 
 
 def _arrived_unix_ns(transport: asyncio.DatagramTransport) -> int | None:
@@ -213,7 +302,7 @@ def default_bind(peer: Address) -> Address:
 def parse_address(text: str, *, default_port: int) -> Address:
     """Return ``HOST[:PORT]`` with the host resolved to IPv4; raise :class:`ConfigurationError`."""
     if text.count(":") > 1:
-        raise ConfigurationError(f"{text!r}: FRI runs over IPv4; give HOST or HOST:PORT")
+        raise ConfigurationError(f"{text!r}: the links run over IPv4; give HOST or HOST:PORT")
     host, colon, port_text = text.partition(":")
     try:
         port = int(port_text) if colon else default_port

@@ -2,6 +2,8 @@
 
 The position controller stands for the one in the real Cabinet, whose gains are not public (facts 4.3): computed torque
 with the arm's own mass matrix and bias (gravity, Coriolis), critically damped. Friction is left to the loop, as there.
+The commanded acceleration is fed forward: without it the arm runs past the end of a fast motion by 0.2 degrees (iiwa 7,
+SmartServo with override 20 and jerk 1500 %), with it by nothing as long as no motor is at its torque limit.
 
 Measured torque is the link side of the gear, actuation minus the torque that accelerates the rotor, with the sign of
 the facts (4.4). Not modelled: contact, joint elasticity, gear friction, sensor offset, position noise.
@@ -56,6 +58,7 @@ class MujocoBackend(InProcessBackend):
         self._from = np.array(description.initial_position_rad)
         self._to = self._from.copy()
         self._velocity = np.zeros(JOINT_COUNT)
+        self._feed_forward = np.zeros(JOINT_COUNT)
 
     @property
     def capabilities(self) -> Capabilities:
@@ -90,7 +93,9 @@ class MujocoBackend(InProcessBackend):
 
     def _write(self, command: JointCommand) -> None:
         self._from = self._to
-        self._to, self._velocity = np.array(command)
+        # One array of 21 numbers costs less than three of seven.
+        numbers = np.array(command.position_rad + command.velocity_rad_s + command.acceleration_rad_s2)
+        self._to, self._velocity, self._feed_forward = numbers[:7], numbers[7:14], numbers[14:]
 
     def _step(self) -> None:
         model, data = self._model, self._data
@@ -110,5 +115,6 @@ class MujocoBackend(InProcessBackend):
         np.subtract(self._velocity, self._rate, out=damping)
         damping *= 2.0 * LOOP_FREQUENCY_RAD_S
         acceleration += damping
+        acceleration += self._feed_forward
         mujoco.mj_mulM(self._model, self._data, self._torque, acceleration)
         np.add(self._torque, self._bias, out=self._motor)

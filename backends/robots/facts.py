@@ -8,7 +8,7 @@ SI units; tuples of seven run from A1 to A7.
 import math
 from dataclasses import dataclass, replace
 
-from hil.values.robot import JointLimits, RobotDescription, Seven
+from hil.values.robot import JointLimits, RobotDescription, ServoDynamics, Seven
 
 Three = tuple[float, float, float]
 Four = tuple[float, float, float, float]
@@ -117,6 +117,28 @@ _ACCELERATION_14_DEG_S2: Seven = (490.77, 490.80, 500.77, 650.71, 700.73, 900.66
 _TORQUE_7_NM: Seven = (176.0, 176.0, 110.0, 110.0, 110.0, 40.0, 40.0)
 _TORQUE_14_NM: Seven = (320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0)
 
+# SmartServo's base acceleration and jerk. Ours: no public figure; the manual (7.8, 7.12) says what they are for. "The
+# preset performance parameters refer to a full load in the extended position"; override 20 with jerk 500 % is for what
+# an unloaded arm has in reserve in the pose of the step responses, A = [0, 30, 0, 40, 0, 90, 0] degrees.
+# Acceleration is the smaller of two, rounded down, of the two robots that share the drives:
+# - half of (torque limit - gravity) / (sum of the row of the mass matrix, armature included) with the rated payload at
+#   the flange, all axes accelerating against each other, in the worst pose: the stretched arm for A1, A2, A4 and A6, a
+#   bent elbow for A3 and A5. The other half is for friction, Coriolis torques and loads away from the flange;
+# - a twentieth of 90 % of (torque limit - gravity) / (diagonal of the mass matrix) of the unloaded arm in that pose.
+# In rad/s², from A1: size 7 5.0 1.1 2.9 2.6 16.7 5.0 14.3 and 3.5 0.87 1.4 1.9 3.5 1.2 1.2; size 14 5.0 1.7 2.7 2.0
+# 9.9 2.4 17.1 and 3.6 1.6 2.1 1.8 3.6 1.4 1.5. So override 20 is what the drives of the unloaded arm can do there, one
+# axis at a time; elsewhere, loaded, or with all axes at once it may be more, and the arm may not follow, as the manual
+# warns. An axis reaches that acceleration only where its jerk lets it before its velocity is reached.
+# Jerk: override 20 with jerk 500 % just reaches its acceleration in a step of 5 degrees (the farthest DirectServo
+# takes, and what a step response compares): 500 % is sqrt(2 a³ / 5 degrees). It is never above the jerk of a PTP,
+# which is what bounds A1, A3 and A5, A4 of size 7 and A2 of size 14.
+# A step of 5 degrees takes 0.33 s (A1) to 0.65 s (A2) with the defaults, and 0.13 s to 0.20 s with 20 and 500 %; the
+# arm in MuJoCo follows both within 4 mrad (measured, all robots).
+_SERVO_ACCELERATION_7_RAD_S2: Seven = (3.5, 0.87, 1.4, 1.9, 3.5, 1.2, 1.2)
+_SERVO_ACCELERATION_14_RAD_S2: Seven = (3.6, 1.6, 2.1, 1.8, 3.6, 1.4, 1.5)
+_SERVO_JERK_7_RAD_S3: Seven = (170.0, 69.0, 110.0, 220.0, 230.0, 110.0, 110.0)
+_SERVO_JERK_14_RAD_S3: Seven = (170.0, 170.0, 170.0, 200.0, 240.0, 140.0, 150.0)
+
 # Joint friction: facts 4.1, physical set of STZ, link side of the torque sensor. It was identified on an
 # iiwa 14 R820; for the other three ours: no public figure, the same joints are assumed.
 _VISCOUS_NM_S_RAD: Seven = (0.2415, 0.3733, 0.1103, 0.1, 0.1, 0.1248, 0.1)
@@ -191,6 +213,7 @@ def _size_7(name: str, title: str, inertia_set: str, links: tuple[LinkInertia, .
             name=name,
             title=title,
             limits=_limits(_VELOCITY_7_DEG_S, _ACCELERATION_7_RAD_S2, _TORQUE_7_NM),
+            servo=ServoDynamics(_SERVO_ACCELERATION_7_RAD_S2, _SERVO_JERK_7_RAD_S3),
             payload_kg=7.0,
             reach_mm=800.0,
             initial_position_rad=_radians(_INITIAL_POSITION_DEG),
@@ -212,6 +235,7 @@ def _size_14(name: str, title: str, inertia_set: str, links: tuple[LinkInertia, 
             name=name,
             title=title,
             limits=_limits(_VELOCITY_14_DEG_S, _radians(_ACCELERATION_14_DEG_S2), _TORQUE_14_NM),
+            servo=ServoDynamics(_SERVO_ACCELERATION_14_RAD_S2, _SERVO_JERK_14_RAD_S3),
             payload_kg=14.0,
             reach_mm=820.0,
             initial_position_rad=_radians(_INITIAL_POSITION_DEG),

@@ -10,8 +10,10 @@ from rich.console import Console
 from rich.progress import Progress, TaskID
 from rich.table import Table
 
-from hil.config.station import FriConfig, RobotConfig
+from hil.config.station import FriConfig, Reaction, ReactionConfig, RobotConfig, ServoConfig
+from hil.values.errors import UnknownName
 from hil.values.fri import Release
+from hil.values.robot import JOINT_COUNT, JOINT_NAMES
 
 if TYPE_CHECKING:
     from tools.bench.bounds import Bound
@@ -25,27 +27,39 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tabl
 
 
 @app.command()
-def cycle(
+def cycle(  # noqa: PLR0917  # typer makes the options of the parameters
     robot: Robot = "lbr-iiwa-14-r820",
     backend: Backend = "mujoco",
     fri_version: FriVersion = Release.V1_15,
+    motion: Annotated[
+        str, typer.Option(help="What moves the arm: fri-overlay, smart-servo or direct-servo, retargeted each cycle.")
+    ] = "fri-overlay",
     cycles: Annotated[int, typer.Option(min=100, help="Cycles to measure.")] = 20_000,
     as_json: AsJson = False,
 ) -> None:
-    """Cost of one control cycle, whole and by stage, in virtual time with an FRI client at 1 ms."""
+    """Cost of one control cycle, whole and by stage, in virtual time with one client at 1 ms."""
+    from tools.bench.clients import BenchMotion
     from tools.bench.cycle import as_dict, bench_cycle
     from tools.bench.machine import machine
 
-    config = RobotConfig(model=robot, backend=backend, fri=FriConfig(release=fri_version))
+    try:
+        chosen = BenchMotion(motion)
+    except ValueError:
+        raise UnknownName("motion", motion, [known.value for known in BenchMotion]) from None
+    fri = FriConfig(release=fri_version) if chosen is BenchMotion.FRI_OVERLAY else None
+    config = RobotConfig(model=robot, backend=backend, fri=fri, servo=None if fri is not None else ServoConfig())
     with _progress("cycles", 2 * cycles) as (bar, task):
-        report = bench_cycle(config, cycles=cycles, progress=lambda done: bar.update(task, completed=done))
+        report = bench_cycle(
+            config, motion=chosen, cycles=cycles, progress=lambda done: bar.update(task, completed=done)
+        )
     found = {"machine": machine(), **as_dict(report)}
     if as_json:
         typer.echo(json.dumps(found, indent=2))
         return
     console = Console()
     _print_machine(console, found["machine"])
-    table = Table("stage", "p50 us", "p99 us", "max us", title=f"one cycle: {robot}, {backend}, FRI {fri_version}")
+    client = chosen.value if fri is None else f"FRI {fri_version}"
+    table = Table("stage", "p50 us", "p99 us", "max us", title=f"one cycle: {robot}, {backend}, {client}")
     for name, figures in found["stages_us"].items():
         table.add_row(name, *_numbers(figures))
     table.add_section()
@@ -95,6 +109,66 @@ def rate(  # noqa: PLR0917  # typer makes the options of the parameters
         f"{figures['rate_hz']} Hz, {figures['ticks']} cycles, {figures['missed_cycles']} missed; "
         f"{packets['received']} answers of {packets['sent']}, {packets['dropped']['late']} late; "
         f"{session['changes']} changes of state, last quality {session['quality']}"
+    )
+    _print_bounds(console, report.bounds())
+
+
+@app.command()
+def reaction(
+    robot: Robot = "lbr-iiwa-14-r820",
+    backend: Backend = "mujoco",
+    profile: Annotated[Reaction, typer.Option("--reaction", help="Reaction time: cabinet or ideal.")] = (
+        Reaction.CABINET
+    ),
+    as_json: AsJson = False,
+) -> None:
+    """System reaction time: from a destination's arrival to the effective motion, on the arm's measured position."""
+    from tools.bench.machine import machine
+    from tools.bench.reaction import CASES, bench_reaction
+
+    config = RobotConfig(model=robot, backend=backend, servo=ServoConfig(), reaction=ReactionConfig(profile=profile))
+    with _progress("steps", len(CASES) * JOINT_COUNT) as (bar, task):
+        report = bench_reaction(config, progress=lambda done: bar.update(task, completed=done))
+    if as_json:
+        typer.echo(json.dumps({"machine": machine(), **report.as_dict()}, indent=2))
+        return
+    console = Console()
+    _print_machine(console, machine())
+    table = Table("measured position moves after, ms", *JOINT_NAMES, title=f"reaction: {robot}, {backend}, {profile}")
+    for found in report.reactions:
+        table.add_row(found.case, *(f"{time_ms:.1f}" for time_ms in found.measured_ms))
+        table.add_row("  its set point", *(f"{time_ms:.1f}" for time_ms in found.set_point_ms), style="dim")
+    console.print(table)
+    _print_bounds(console, report.bounds())
+
+
+@app.command()
+def servo(
+    robot: Robot = "lbr-iiwa-14-r820",
+    backend: Backend = "mujoco",
+    seconds: Annotated[float, typer.Option(min=1.0, help="Length of the run.")] = 60.0,
+    as_json: AsJson = False,
+) -> None:
+    """Destinations from an application process to the interpolator, one after the other, over UDP."""
+    from tools.bench.machine import machine
+    from tools.bench.servo import bench_servo
+
+    with _progress("seconds", seconds) as (bar, task):
+        report = bench_servo(
+            robot=robot, backend=backend, seconds=seconds, progress=lambda done: bar.update(task, completed=done)
+        )
+    if as_json:
+        typer.echo(json.dumps({"machine": machine(), **report.as_dict()}, indent=2))
+        return
+    console = Console()
+    _print_machine(console, machine())
+    table = Table("", "p50 us", "p99 us", "p99.9 us", "max us", title=f"{report.seconds:.0f} s: {robot}, {backend}")
+    table.add_row("set_destination to interpolator", *_numbers(report.to_interpolator.summary_us()))
+    table.add_row("set_destination, whole call", *_numbers(report.call.summary_us()))
+    console.print(table)
+    console.print(
+        f"{report.sent} sent, {report.motion.received} received, {report.motion.executed} executed, "
+        f"{report.motion.superseded} superseded, {report.lost} lost"
     )
     _print_bounds(console, report.bounds())
 

@@ -48,7 +48,19 @@ def _figures(robot: dict[str, Any]) -> dict[str, str]:
             "packets": f"{packets['sent']} sent, {packets['received']} received, {packets['accepted']} accepted",
             "dropped": drops or "none",
         }
+    if robot["servo"] is not None:
+        figures |= _servo_figures(robot["servo"])
     return figures
+
+
+def _servo_figures(servo: dict[str, Any]) -> dict[str, str]:
+    packets = servo["packets"]
+    drops = ", ".join(f"{reason} {count}" for reason, count in packets["dropped"].items() if count)
+    return {
+        "applications": f"{servo['sessions_begun']} sessions, {servo['motions_begun']} motions",
+        "requests": f"{servo['requests_taken']} taken, {servo['requests_refused']} refused",
+        "servo packets": f"{packets['sent']} sent, {packets['received']} received; dropped: {drops or 'none'}",
+    }
 
 
 def _stops(stops: list[dict[str, Any]]) -> str:

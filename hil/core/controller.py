@@ -254,7 +254,7 @@ class Controller:
 
     def _move(self, now_ns: int, _started_ns: int) -> None:
         proposed = self._proposed
-        self._backend.write(JointCommand(proposed.position_rad, proposed.velocity_rad_s))
+        self._backend.write(JointCommand(*proposed))
         self._backend.step()
         if self._motion.commit(proposed, now_ns=now_ns):
             self._events.append(ArmResting(now_ns))

@@ -108,14 +108,17 @@ def make_controller(
     unix_epoch_ns: int,
     fri_peer: Address | None,
     codec: ControllerCodec | None = None,
+    token_secret: bytes | None = None,
     on_stage: Callable[[str], None] | None = None,
 ) -> Controller:
     """Return the controller of a robot whose core time 0 is ``unix_epoch_ns``; cheap, to be done at the start.
 
-    ``codec`` takes the place of the one the configuration names.
+    ``codec`` takes the place of the one the configuration names; ``token_secret`` that of a new random one, so that
+    the tokens of two runs are the same.
     """
+    secret = os.urandom(32) if token_secret is None else token_secret
     return Controller(
-        config.settings(unix_epoch_ns=unix_epoch_ns, fri_peer=fri_peer, servo=servo_settings(config, parts)),
+        config.settings(unix_epoch_ns=unix_epoch_ns, fri_peer=fri_peer, servo=_servo_settings(config, parts, secret)),
         description=parts.description,
         model=parts.model,
         backend=parts.backend,
@@ -125,8 +128,7 @@ def make_controller(
     )
 
 
-def servo_settings(config: RobotConfig, parts: RobotParts) -> ServoSettings | None:
-    """Return the core's settings of a robot's servo link, with a new secret for its session tokens."""
+def _servo_settings(config: RobotConfig, parts: RobotParts, token_secret: bytes) -> ServoSettings | None:
     if config.servo is None:
         return None
-    return ServoSettings(software=f"fri-hil {VERSION}", robot=parts.description.name, token_secret=os.urandom(32))
+    return ServoSettings(software=f"fri-hil {VERSION}", robot=parts.description.name, token_secret=token_secret)

@@ -21,4 +21,6 @@ def progress_line(robot: RobotProcess, *, elapsed_s: float, duration_s: float | 
         dropped = counters.received - counters.accepted_count
         parts[2:2] = [f"{fri.state.name} {fri.quality.name}"]
         parts.append(f"sent {counters.sent}, accepted {counters.accepted_count}, dropped {dropped}")
+    if controller.servo is not None and controller.servo.commander:
+        parts.append(f"commanded by {controller.servo.commander}")
     return " | ".join(parts)

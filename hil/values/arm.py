@@ -25,10 +25,14 @@ class ArmState(NamedTuple):
 
 
 class JointCommand(NamedTuple):
-    """What the arm is told for the next cycle: position in rad and its rate in rad/s."""
+    """What the arm is told for the next cycle: position in rad, its rate in rad/s, and the rate of that in rad/s2.
+
+    The acceleration is 0 where it is not planned: a robot side may feed it forward, and must follow without it.
+    """
 
     position_rad: Seven
     velocity_rad_s: Seven
+    acceleration_rad_s2: Seven = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)

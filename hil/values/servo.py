@@ -22,7 +22,18 @@ MIN_HELLO_BYTES: Final = 400
 """A hello is filled up to this size, so that no answer to one is longer than what asked for it."""
 MAX_REQUESTS_IN_PACKET: Final = 6
 MAX_REPORTS_IN_PACKET: Final = 6
+"""Of both, a packet carries as many as there is room for, the oldest first; the others wait for a later one."""
+MAX_MOTIONS_IN_PACKET: Final = 4
+"""A state packet shows the motion that has the arm, the one transferred behind it, and the next ones that wait."""
+MAX_VECTOR_NUMBERS: Final = 32
+"""More numbers in one vector are no packet; up to there the controller judges how many it needs."""
 MAX_NAME_BYTES: Final = 63
+"""Of the names of applications, software and robots, in UTF-8."""
+MAX_COMMANDER_BYTES: Final = 96
+"""Of a snapshot's commander: a name, and an address."""
+MAX_REASON_BYTES: Final = 200
+MAX_DETAIL_BYTES: Final = 180
+"""Texts that are longer travel cut, and end with an ellipsis."""
 MIN_WATCHDOG_MS: Final = 20
 MAX_WATCHDOG_MS: Final = 10_000
 DEFAULT_WATCHDOG_MS: Final = 300

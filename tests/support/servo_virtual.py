@@ -7,8 +7,6 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
-from transport.servo import ServoCodec
-
 from backends.base import InProcessBackend
 from backends.robots import load_description, load_pinocchio
 from hil.core.controller import Controller
@@ -46,6 +44,7 @@ from hil.values.servo import (
 )
 from tests.support.virtual import MS, UNIX_EPOCH_NS, RecordingBackend
 from transport.fri import FriCodec
+from transport.servo import ServoCodec
 
 COMMANDER = Address("127.0.0.1", 40001)
 OTHER = Address("127.0.0.1", 40002)

@@ -2,18 +2,21 @@
 
 import itertools
 import math
+from collections.abc import Callable
 
 import pytest
 
 from backends.ideal import IdealBackend
 from backends.mujoco import MujocoBackend
+from hil.core.controller import FRI_LINK
 from hil.core.events import MotionBegan, MotionOver
 from hil.core.motion.executive import Phase
 from hil.core.motion.queue import BLENDED, REACHED, RESTED, STOPPED
 from hil.core.servo.requests import NOT_ACTIVE
 from hil.core.settings import FriSettings, ReactionSettings
 from hil.values.arm import ArmState, JointCommand
-from hil.values.fri import SessionState
+from hil.values.fri import Release, SessionState
+from hil.values.link import Source
 from hil.values.motion import (
     MAX_MOTIONS,
     ErrorReason,
@@ -26,7 +29,8 @@ from hil.values.motion import (
 from hil.values.robot import RobotDescription
 from hil.values.servo import RequestError, SetDestination, SetRuntimeParameters, StartMotion, StopMotion
 from tests.support.servo_virtual import Application, ServoBench, offset
-from tests.support.virtual import PEER
+from tests.support.virtual import PEER, Client
+from transport.fri import FriCodec
 
 DEGREE = math.pi / 180
 SERVO_KINDS = [MotionKind.SMART_SERVO, MotionKind.DIRECT_SERVO]
@@ -425,16 +429,35 @@ def test_events_tell_every_motion() -> None:
 
 def test_the_fri_client_and_an_application_never_have_the_arm_at_once() -> None:
     bench = ServoBench(fri=FriSettings(peer=PEER))
-    application = Application(bench)
+    fri = bench.controller.fri
+    assert fri is not None
+    client = Client(FriCodec(Release.V1_15))
+    application = Application(bench, watchdog_ms=1000)
+
+    def with_client(condition: Callable[[], bool]) -> None:
+        for _ in range(6000):
+            if condition():
+                return
+            application.command()
+            bench.cycle()
+            answer = client.answer(bench.fri_sent[-1])
+            if answer is not None:
+                bench.controller.receive(answer, Source(FRI_LINK, PEER), now_ns=bench.now_ns + 200_000)
+        raise AssertionError(bench.told()[-3:])
+
+    with_client(lambda: fri.state is SessionState.COMMANDING_ACTIVE)
     application.join()
-    assert bench.controller.fri is not None
-    motion = application.start(MotionKind.SMART_SERVO)
-    application.run(0.1)
-    assert application.motion(motion).phase is MotionPhase.ACTIVE
-    bench.controller.fri.log.state = SessionState.COMMANDING_ACTIVE
     [done] = application.ask(lambda number: StartMotion(number, MotionKind.PTP, MotionParameters(), None))
     assert done.error is RequestError.ILLEGAL_STATE
     assert done.reason.startswith("the FRI client commands the arm")
+    assert bench.controller.motion.phase is Phase.OVERLAY
+    client.answers = lambda _: False
+    with_client(lambda: fri.state < SessionState.COMMANDING_WAIT and bench.controller.motion.at_rest)
+    client.answers = lambda _: True
+    motion = application.start(MotionKind.SMART_SERVO)
+    with_client(lambda: any("commands the arm over the servo link" in told for told in bench.told()))
+    assert fri.state is SessionState.MONITORING_READY
+    assert application.motion(motion).phase is MotionPhase.ACTIVE
 
 
 @pytest.mark.parametrize("robot", ["lbr-iiwa-7-r800", "lbr-iiwa-14-r820", "lbr-med-7", "lbr-med-14"])

@@ -16,7 +16,7 @@ from hil.values.fri import Release
 
 def test_the_template_is_the_defaults_and_names_every_choice() -> None:
     written = parse_station(tomllib.loads(TEMPLATE), where="template")
-    assert written == Station.model_validate({"robot": [{"fri": {}}]})
+    assert written == Station.model_validate({"robot": [{"fri": {}, "servo": {}}]})
     for choice in (
         *robot_names(),
         *BACKENDS,
@@ -28,6 +28,8 @@ def test_the_template_is_the_defaults_and_names_every_choice() -> None:
         "catch-up",
         "fault",
         "joint-position",
+        "cabinet",
+        "ideal",
     ):
         assert choice in TEMPLATE
 

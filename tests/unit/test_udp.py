@@ -1,6 +1,7 @@
-"""Endpoints: one peer, strangers heard apart, ports that clash named."""
+"""Endpoints: one peer, strangers heard apart; many peers, one of them gone; ports that clash named."""
 
 import asyncio
+import contextlib
 import socket
 import sys
 import threading
@@ -11,7 +12,15 @@ from hil.runtime.clock import unix_time_ns
 from hil.values.errors import ConfigurationError, EndpointError
 from hil.values.link import Address
 from tests.support.processes import own_host
-from transport.udp import EndpointClosed, default_bind, is_local, open_peer_endpoint, parse_address, refuse_shared_port
+from transport.udp import (
+    EndpointClosed,
+    default_bind,
+    is_local,
+    open_peer_endpoint,
+    open_server_endpoint,
+    parse_address,
+    refuse_shared_port,
+)
 
 
 def udp(host: str) -> socket.socket:
@@ -103,6 +112,119 @@ async def test_a_bound_port_cannot_be_had_twice() -> None:
         with pytest.raises(EndpointError, match="Address already in use"):
             await open_peer_endpoint(bind=endpoint.local, peer=address_of(peer))
         endpoint.close()
+
+
+async def test_a_server_hears_everybody_and_answers_each() -> None:
+    host = own_host()
+    endpoint = await open_server_endpoint(Address(host, 0))
+    assert endpoint.local.host == host
+    with udp(host) as one, udp(host) as two:
+        for number in range(5):
+            one.sendto(b"one %d" % number, endpoint.local)
+            two.sendto(b"two %d" % number, endpoint.local)
+        async with asyncio.timeout(5):
+            arrivals = [await endpoint.receive() for _ in range(10)]
+        for peer, name in ((one, b"one"), (two, b"two")):
+            heard = [arrival.datagram for arrival in arrivals if arrival.sender == address_of(peer)]
+            assert heard == [b"%b %d" % (name, number) for number in range(5)]
+            await endpoint.send(name, address_of(peer))
+            assert peer.recvfrom(100) == (name, endpoint.local)
+    endpoint.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells when the kernel got a datagram")
+async def test_a_server_is_told_when_the_kernel_got_a_datagram() -> None:
+    host = own_host()
+    endpoint = await open_server_endpoint(Address(host, 0))
+    with udp(host) as peer:
+        waits_ns = []
+        for _ in range(10):
+            async with asyncio.timeout(5):
+                peer.sendto(b"in time", endpoint.local)
+                threading.Event().wait(0.02)
+                arrival = await endpoint.receive()
+            assert arrival.at_unix_ns is not None
+            waits_ns.append(unix_time_ns() - arrival.at_unix_ns)
+    endpoint.close()
+    assert min(waits_ns[3:]) >= 20_000_000
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells an unconnected socket that nobody listens")
+async def test_a_peer_that_is_gone_is_counted_and_the_others_miss_nothing() -> None:
+    host = own_host()
+    endpoint = await open_server_endpoint(Address(host, 0))
+    with udp(host) as gone:
+        nobody = address_of(gone)
+    with udp(host) as peer:
+        peer.sendto(b"hello", endpoint.local)
+        async with asyncio.timeout(5):
+            assert (await endpoint.receive()).datagram == b"hello"
+        for number in range(20):
+            await endpoint.send(b"anybody?", nobody)
+            await endpoint.send(b"%d" % number, address_of(peer))
+            if number % 2:
+                await asyncio.get_running_loop().run_in_executor(None, lambda: None)
+        assert [peer.recv(100) for _ in range(20)] == [b"%d" % number for number in range(20)]
+        assert 15 <= endpoint.refused <= 20
+        peer.sendto(b"still there", endpoint.local)
+        async with asyncio.timeout(5):
+            assert (await endpoint.receive()).datagram == b"still there"
+    endpoint.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux keeps the answers")
+async def test_an_answer_that_nobody_fetches_does_not_keep_the_loop_busy() -> None:
+    host = own_host()
+    endpoint = await open_server_endpoint(Address(host, 0))
+    with udp(host) as gone:
+        nobody = address_of(gone)
+    listening = asyncio.ensure_future(endpoint.receive())
+    await endpoint.send(b"anybody?", nobody)
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(5):
+            while endpoint.refused == 0:
+                await asyncio.get_running_loop().run_in_executor(None, lambda: None)
+    assert endpoint.refused == 1
+    with pytest.raises(BlockingIOError):
+        endpoint._channel._socket.recvmsg(0, 0, socket.MSG_ERRQUEUE)
+    endpoint.close()
+    with pytest.raises(EndpointClosed):
+        await listening
+
+
+async def test_a_destination_without_a_way_is_counted() -> None:
+    endpoint = await open_server_endpoint(Address(own_host(), 0))
+    # A loopback address cannot be the source of what leaves the machine, and port 0 is nobody's.
+    for destination in (Address("192.0.2.1", 30300), Address(endpoint.local.host, 0)):
+        before = endpoint.refused
+        await endpoint.send(b"hello", destination)
+        assert endpoint.refused == before + 1
+    endpoint.close()
+
+
+async def test_a_closed_server_says_so() -> None:
+    endpoint = await open_server_endpoint(Address(own_host(), 0))
+    listening = asyncio.ensure_future(endpoint.receive())
+    asyncio.get_running_loop().call_soon(endpoint.close)
+    with pytest.raises(EndpointError, match="is closed"):
+        await listening
+    endpoint.close()
+    for _ in range(2):
+        with pytest.raises(EndpointClosed):
+            await endpoint.send(b"too late", endpoint.local)
+        with pytest.raises(EndpointClosed):
+            await endpoint.receive()
+    again = await open_server_endpoint(endpoint.local)
+    again.close()
+
+
+async def test_a_second_server_is_told_how_to_choose_another_address() -> None:
+    first = await open_server_endpoint(Address(own_host(), 0))
+    with pytest.raises(EndpointError, match=r"Address already in use.*hil run.*--servo ADDR:PORT"):
+        await open_server_endpoint(first.local)
+    first.close()
+    with pytest.raises(EndpointError, match=r"cannot bind UDP 192\.0\.2\.1:30300"):
+        await open_server_endpoint(Address("192.0.2.1", 30300))
 
 
 async def test_an_address_that_is_not_ours_is_named() -> None:

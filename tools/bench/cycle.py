@@ -1,6 +1,6 @@
 """``hil bench cycle``: what one control cycle costs, whole and by stage, in virtual time.
 
-The client's answers are recorded beforehand, so that nothing but the controller runs in the measured loop, as in
+What the client sends is recorded beforehand, so that nothing but the controller runs in the measured loop, as in
 replay. Two passes over the same work. The first measures whole cycles, from the client's answer to the datagram that
 is ready to be sent; the second asks the core to report its stages, which costs a little itself: they add up to more.
 """
@@ -12,24 +12,20 @@ from typing import Any
 
 import numpy as np
 
-from apps.fri_joint_sine import JointSine
-from hil.client.fri import ClientSession
 from hil.config.station import RobotConfig
-from hil.core.controller import FRI_LINK, Controller
+from hil.core.controller import Controller
 from hil.runtime.assembly import RobotParts, make_controller, open_parts
 from hil.runtime.clock import elapsed_ns
-from hil.values.errors import ConfigurationError
-from hil.values.fri import Release, SessionState
+from hil.values.fri import Release
 from hil.values.fri_messages import CommandMessage, ControllerCodec, MonitoringMessage
-from hil.values.link import Address, Source
+from hil.values.link import Outgoing
 from tools.bench.bounds import CYCLE_MEDIAN_US, VIRTUAL_TIME_FACTOR, Bound, at_least, at_most
+from tools.bench.clients import PEER, BenchMotion, Datagrams, RecordedClient, recorded_client
 from transport.fri import FriCodec
 
-_PEER = Address("127.0.0.1", 30200)
-_SOURCE = Source(FRI_LINK, _PEER)
 _ANSWER_NS = 200_000
 WARM_UP_CYCLES = 2500
-"""Long enough in virtual time to get through the quality levels into COMMANDING_ACTIVE."""
+"""Long enough in virtual time to get an FRI client through the quality levels into COMMANDING_ACTIVE."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +49,8 @@ class CycleReport:
 
     robot: str
     backend: str
-    release: str
+    motion: str
+    release: str | None
     cycles: int
     cycle: Distribution
     stages: dict[str, Distribution]
@@ -93,7 +90,7 @@ class _TimedCodec:
 
 
 class _Loop:
-    """A controller that gets one recorded answer a cycle."""
+    """A controller that gets what was recorded for each cycle."""
 
     def __init__(
         self,
@@ -107,102 +104,96 @@ class _Loop:
             config,
             parts,
             unix_epoch_ns=1_700_000_000 * 10**9,
-            fri_peer=_PEER,
+            fri_peer=None if config.fri is None else PEER,
             codec=codec,
+            token_secret=b"the same tokens in each pass",
             on_stage=on_stage,
         )
         self._period_ns = config.cycle_ms * 1_000_000
         self._now_ns = 0
-        self.sent: list[bytes] = []
+        self.outgoing: list[Outgoing] = []
 
-    def cycle(self, answer: bytes | None) -> tuple[int, int]:
-        """Receive ``answer``, run one cycle; return what each cost in ns."""
+    def cycle(self, datagrams: Datagrams) -> tuple[int, int]:
+        """Receive ``datagrams``, run one cycle; return what each cost in ns."""
         controller = self.controller
         before = elapsed_ns()
-        if answer is not None:
-            controller.receive(answer, _SOURCE, now_ns=self._now_ns - self._period_ns + _ANSWER_NS)
+        for source, datagram in datagrams:
+            controller.receive(datagram, source, now_ns=self._now_ns - self._period_ns + _ANSWER_NS)
         received = elapsed_ns()
         controller.tick(now_ns=self._now_ns)
-        outgoing = controller.outgoing()
+        self.outgoing = controller.outgoing()
         controller.events()
         ticked = elapsed_ns()
-        self.sent = [datagram.payload for datagram in outgoing]
         self._now_ns += self._period_ns
         return received - before, ticked - received
 
-    def warm_up(self, answers: Sequence[bytes | None]) -> None:
-        """Get the session to COMMANDING_ACTIVE; raise if that does not happen."""
-        for answer in answers:
-            self.cycle(answer)
-        fri = self.controller.fri
-        if fri is None or fri.state is not SessionState.COMMANDING_ACTIVE:
-            raise ConfigurationError("the benchmark did not reach COMMANDING_ACTIVE; use a send period of one cycle")
+    def warm_up(self, recording: Sequence[Datagrams], client: RecordedClient) -> None:
+        """Get the arm moving; raise if that does not happen."""
+        for datagrams in recording:
+            self.cycle(datagrams)
+        client.check(self.controller)
         gc.collect()
         gc.freeze()
 
 
-def _record_answers(config: RobotConfig, cycles: int) -> list[bytes | None]:
-    """Return what a joint sine client answers, cycle by cycle; the ideal arm will do, it changes no answer."""
-    if config.fri is None:
-        raise ConfigurationError("the benchmark needs an FRI link")
-    client = ClientSession(config.fri.release, JointSine())
-    config = config.model_copy(update={"backend": "ideal"})
-    parts = open_parts(config)
-    answers: list[bytes | None] = [None]
+def _record(config: RobotConfig, client: RecordedClient, cycles: int) -> list[Datagrams]:
+    """Return what the client sends, cycle by cycle; the ideal arm will do, it changes nothing of that."""
+    parts = open_parts(config.model_copy(update={"backend": "ideal"}))
+    recording: list[Datagrams] = [()]
     try:
         loop = _Loop(config, parts)
         for _ in range(WARM_UP_CYCLES + cycles):
-            loop.cycle(answers[-1])
-            answers.append(client.receive(loop.sent[0]) if loop.sent else None)
+            loop.cycle(recording[-1])
+            recording.append(client.answer(loop.outgoing))
     finally:
         parts.backend.close()
-    return answers
+    return recording
 
 
-def bench_cycle(config: RobotConfig, *, cycles: int, progress: Callable[[int], None]) -> CycleReport:
+def bench_cycle(
+    config: RobotConfig, *, motion: BenchMotion, cycles: int, progress: Callable[[int], None]
+) -> CycleReport:
     """Measure ``cycles`` cycles twice; ``progress`` is told how many are done."""
-    if config.fri is None:
-        raise ConfigurationError("the benchmark needs an FRI link")
-    if config.fri is None:
-        raise ConfigurationError("the benchmark needs an FRI link")
-    release = config.fri.release.value
-    answers = _record_answers(config, cycles)
-    whole = _measure_whole(config, answers, progress)
-    stages = _measure_stages(config, answers, progress)
+    client = recorded_client(config, motion)
+    recording = _record(config, client, cycles)
+    whole = _measure_whole(config, recording, client, progress)
+    stages = _measure_stages(config, recording, client, progress)
     return CycleReport(
         robot=config.model,
         backend=config.backend,
-        release=release,
+        motion=motion.value,
+        release=None if config.fri is None else config.fri.release.value,
         cycles=cycles,
         cycle=Distribution.of(whole),
-        stages={name: Distribution.of(samples) for name, samples in stages.items()},
+        stages={name: Distribution.of(samples) for name, samples in stages.items() if samples},
         virtual_time_factor=round(cycles * config.cycle_ms * 1e6 / sum(whole), 1),
     )
 
 
-def _measure_whole(config: RobotConfig, answers: Sequence[bytes | None], progress: Callable[[int], None]) -> list[int]:
+def _measure_whole(
+    config: RobotConfig, recording: Sequence[Datagrams], client: RecordedClient, progress: Callable[[int], None]
+) -> list[int]:
     parts = open_parts(config)
     try:
         loop = _Loop(config, parts)
-        loop.warm_up(answers[:WARM_UP_CYCLES])
+        loop.warm_up(recording[:WARM_UP_CYCLES], client)
         samples: list[int] = []
-        for done, answer in enumerate(answers[WARM_UP_CYCLES:-1]):
-            samples.append(sum(loop.cycle(answer)))
+        for done, datagrams in enumerate(recording[WARM_UP_CYCLES:-1]):
+            samples.append(sum(loop.cycle(datagrams)))
             if done % 1000 == 0:
                 progress(done)
+        client.check(loop.controller)
         return samples
     finally:
         parts.backend.close()
 
 
 def _measure_stages(
-    config: RobotConfig, answers: Sequence[bytes | None], progress: Callable[[int], None]
+    config: RobotConfig, recording: Sequence[Datagrams], client: RecordedClient, progress: Callable[[int], None]
 ) -> dict[str, list[int]]:
-    if config.fri is None:
-        raise ConfigurationError("the benchmark needs an FRI link")
     parts = open_parts(config)
-    codec = _TimedCodec(FriCodec(config.fri.release))
-    stages: dict[str, list[int]] = {"decode": [], "admission": []}
+    codec = None if config.fri is None else _TimedCodec(FriCodec(config.fri.release))
+    stages: dict[str, list[int]] = {}
     last_ns = 0
 
     def on_stage(name: str) -> None:
@@ -213,23 +204,26 @@ def _measure_stages(
 
     try:
         loop = _Loop(config, parts, codec=codec, on_stage=on_stage)
-        loop.warm_up(answers[:WARM_UP_CYCLES])
-        stages.update({name: [] for name in stages})
+        loop.warm_up(recording[:WARM_UP_CYCLES], client)
+        before: dict[str, list[int]] = {"decode": [], "admission": []}
         encode: list[int] = []
-        for done, answer in enumerate(answers[WARM_UP_CYCLES:-1]):
+        stages.clear()
+        for done, datagrams in enumerate(recording[WARM_UP_CYCLES:-1]):
             last_ns = elapsed_ns()
-            receive_ns, _ = loop.cycle(answer)
-            stages["decode"].append(codec.decode_ns)
-            stages["admission"].append(receive_ns - codec.decode_ns)
+            receive_ns, _ = loop.cycle(datagrams)
+            decode_ns, encode_ns = (0, 0) if codec is None else (codec.decode_ns, codec.encode_ns)
+            before["decode"].append(decode_ns)
+            before["admission"].append(receive_ns - decode_ns)
             stages["read"][-1] -= receive_ns
-            encode.append(codec.encode_ns)
+            encode.append(encode_ns)
             if done % 1000 == 0:
-                progress(len(answers) - WARM_UP_CYCLES + done)
-        stages["message"] = [whole - part for whole, part in zip(stages.pop("send"), encode, strict=True)]
-        stages["encode"] = encode
-        return stages
+                progress(len(recording) - WARM_UP_CYCLES + done)
     finally:
         parts.backend.close()
+    if codec is None:
+        return {"decode and admission": before["admission"], **stages}
+    message = [whole - part for whole, part in zip(stages.pop("send"), encode, strict=True)]
+    return {**before, **stages, "message": message, "encode": encode}
 
 
 def as_dict(report: CycleReport) -> dict[str, Any]:
@@ -237,6 +231,7 @@ def as_dict(report: CycleReport) -> dict[str, Any]:
     return {
         "robot": report.robot,
         "backend": report.backend,
+        "motion": report.motion,
         "release": report.release,
         "cycles": report.cycles,
         "cycle_us": _figures(report.cycle),

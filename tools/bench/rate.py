@@ -92,7 +92,8 @@ def start_to_first_packet(*, robot: str, backend: str, release: Release) -> floa
         controller = _start(
             "hil.cli.main",
             *("run", "--robot", robot, "--backend", backend, "--fri-version", release),
-            *("--fri-client", f"{_HOST}:{listener.getsockname()[1]}", "--duration", 0.2, "--progress", 0),
+            *("--fri-client", f"{_HOST}:{listener.getsockname()[1]}", "--servo", f"{_HOST}:0"),
+            *("--duration", 0.2, "--progress", 0),
         )
         try:
             listener.recv(2048)

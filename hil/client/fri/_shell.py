@@ -3,7 +3,7 @@
 import socket
 from collections.abc import Iterator
 
-from hil.client._deadline import Deadline
+from hil.client._clock import Deadline
 from hil.client.fri.errors import NothingHeard
 from hil.client.fri.handler import FriHandler
 from hil.client.fri.session import ClientSession

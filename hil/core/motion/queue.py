@@ -42,11 +42,12 @@ class Entry:
 
 
 class MotionQueue:
-    """At most :data:`MAX_MOTIONS` motions; ``on_end`` is told each end, in order."""
+    """At most :data:`MAX_MOTIONS` motions; ``on_begin`` and ``on_end`` are told each begin (and when) and each end."""
 
     def __init__(self) -> None:
         self._entries: deque[Entry] = deque()
         self._ends: deque[EndedMotion] = deque(maxlen=REMEMBERED_ENDS)
+        self.on_begin: Callable[[Entry, int], None] | None = None
         self.on_end: Callable[[EndedMotion], None] | None = None
         self.started = 0
         """Motions that ever had the arm."""
@@ -98,6 +99,8 @@ class MotionQueue:
         entry = self._entries[0]
         entry.begun = True
         self.started += 1
+        if self.on_begin is not None:
+            self.on_begin(entry, now_ns)
         return entry.motion.begin(start, measured_rad=measured_rad, now_ns=now_ns)
 
     def next_blends(self, *, now_ns: int) -> bool:

@@ -77,12 +77,12 @@ class ServoLink:
         self._answers: deque[tuple[Address, FromController]] = deque()
         self._closed_because = ""
         self._goals_told: dict[int, int] = {}
-        self._told_active: Entry | None = None
         self._measured_rad: Seven = executive.set_point.position_rad
         self.counters = PacketCounters(SERVO_DROPS)
         self.sessions_begun = 0
         self.requests_taken = 0
         self.requests_refused = 0
+        executive.applications.on_begin = self._motion_began
         executive.applications.on_end = self._motion_ended
 
     @property
@@ -100,6 +100,10 @@ class ServoLink:
             return
         if isinstance(packet, Hello):
             self._hello(packet, sender, now_ns)
+            return
+        if isinstance(packet, Goodbye) and self._sessions.left(packet.token, sender):
+            # Said several times, because each may be lost.
+            self.counters.accepted()
             return
         session = self._session_of(packet, sender, now_ns)
         if session is None or not self._in_order(session, packet.sequence, now_ns):
@@ -126,7 +130,9 @@ class ServoLink:
 
     def outgoing(self, arm: ArmState, *, cycle: int, now_ns: int) -> list[Outgoing]:
         """Return the packets of this cycle: answers to hellos, and the state for every session it is due for."""
-        self._tell_motions(now_ns)
+        active = self._executive.applications.active
+        if active is not None:
+            self._tell_goal(active.number, active.motion, now_ns)
         packets = [self._send(address, answer) for address, answer in self._answers]
         self._answers.clear()
         shown = None
@@ -260,16 +266,6 @@ class ServoLink:
         self._leave(session, reason, now_ns)
         self._answers.append((session.address, Ended(session.token, reason)))
 
-    def _tell_motions(self, now_ns: int) -> None:
-        """Say once which motion began, and each time one reaches its goal."""
-        active = self._executive.applications.active
-        if active is not self._told_active:
-            self._told_active = active
-            if active is not None:
-                self._emit(MotionBegan(now_ns, active.number, active.motion.kind))
-        if active is not None:
-            self._tell_goal(active.number, active.motion, now_ns)
-
     def _tell_goal(self, number: int, motion: ApplicationMotion, now_ns: int) -> None:
         commander = self._sessions.commander
         if commander is None or motion.goals_reached == self._goals_told.get(number, 0):
@@ -278,6 +274,9 @@ class ServoLink:
         commander.wants_state = True
         measured_rad = self._measured_rad
         commander.reports.add(lambda told: GoalReached(told, number, now_ns, motion.interpolator, measured_rad))
+
+    def _motion_began(self, entry: Entry, now_ns: int) -> None:
+        self._emit(MotionBegan(now_ns, entry.number, entry.motion.kind))
 
     def _motion_ended(self, ended: EndedMotion) -> None:
         self._tell_goal(ended.number, ended.motion, ended.at_ns)

@@ -5,7 +5,7 @@ the same address: so it takes no seat for a sender that cannot hear us, or that 
 """
 
 import hashlib
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -73,6 +73,7 @@ class SessionTable:
         self._offers: OrderedDict[tuple[Address, int], Session] = OrderedDict()
         self._offered: dict[int, tuple[Address, int]] = {}
         self._sessions: dict[int, Session] = {}
+        self._left: deque[tuple[int, Address]] = deque(maxlen=MAX_OFFERS)
         self.commander: Session | None = None
 
     def __iter__(self) -> Iterator[Session]:
@@ -115,6 +116,10 @@ class SessionTable:
         key = self._offered.get(token)
         return self._offers[key] if key is not None and key[0] == sender else None
 
+    def left(self, token: int, sender: Address) -> bool:
+        """Return whether ``sender`` had the session of ``token`` not long ago."""
+        return (token, sender) in self._left
+
     def begin(self, session: Session) -> None:
         """The client took up its offer. The caller has seen that there is room for it."""
         del self._offers[self._offered.pop(session.token)]
@@ -125,6 +130,7 @@ class SessionTable:
     def end(self, session: Session) -> None:
         """The session is over."""
         del self._sessions[session.token]
+        self._left.append((session.token, session.address))
         if self.commander is session:
             self.commander = None
 

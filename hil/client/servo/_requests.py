@@ -1,0 +1,101 @@
+"""What a client has asked for and does not know the outcome of yet."""
+
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+from hil.client.servo.errors import IllegalStateException
+from hil.values.servo import MAX_REQUESTS_IN_PACKET, Request, RequestDone, RequestError, SetDestination
+
+MAX_OUTSTANDING: Final = 64
+"""Requests the controller has not taken yet; one more is refused at the call."""
+_LOST: Final = "the controller's answer to this request was lost"
+
+
+class Pending:
+    """One request; ``done`` says what became of it, or of the one that superseded it, once that is known."""
+
+    __slots__ = ("done", "older", "request", "superseded")
+
+    def __init__(self, request: Request) -> None:
+        self.request = request
+        self.done: RequestDone | None = None
+        self.superseded = False
+        self.older: list[Pending] = []
+        """Requests this one superseded, which share its outcome unless they had one of their own."""
+
+    def resolve(self, done: RequestDone) -> None:
+        """Set the outcome, also of what this request superseded."""
+        for pending in (self, *self.older):
+            if pending.done is None:
+                pending.done = done
+
+
+class RequestBook:
+    """Numbers requests and keeps them until the controller says what became of them."""
+
+    def __init__(self) -> None:
+        self.superseded = 0
+        """Destinations that were replaced by a newer one before the controller was known to have them."""
+        self._last_number = 0
+        self._outstanding: deque[Pending] = deque()
+        self._unresolved: dict[int, Pending] = {}
+
+    def __len__(self) -> int:
+        """How many requests the controller is not known to have."""
+        return len(self._outstanding)
+
+    def add(self, make: Callable[[int], Request]) -> Pending:
+        """Take the request that ``make`` returns for its number.
+
+        A destination supersedes one of the same motion that is still outstanding. Raises
+        :class:`IllegalStateException` when too many are.
+        """
+        number = self._last_number + 1
+        pending = Pending(make(number))
+        if isinstance(pending.request, SetDestination):
+            self._supersede(pending, pending.request.motion)
+        if len(self._outstanding) >= MAX_OUTSTANDING:
+            raise IllegalStateException(
+                f"{MAX_OUTSTANDING} requests wait for the controller already; wait for their outcome before asking more"
+            )
+        self._last_number = number
+        self._outstanding.append(pending)
+        self._unresolved[number] = pending
+        return pending
+
+    def to_send(self) -> tuple[Request, ...]:
+        """Return what goes into the next packet: the oldest outstanding requests."""
+        outstanding = self._outstanding
+        if not outstanding:
+            return ()
+        return tuple([outstanding[place].request for place in range(min(len(outstanding), MAX_REQUESTS_IN_PACKET))])
+
+    def taken(self, number: int) -> None:
+        """The controller has, or refused, everything up to ``number``: it is not sent again."""
+        while self._outstanding and self._outstanding[0].request.number <= number:
+            self._outstanding.popleft()
+
+    def resolve(self, done: RequestDone) -> Request | None:
+        """Note what became of a request and return that; None for one that is not waited for."""
+        self.taken(done.request)
+        pending = self._unresolved.pop(done.request, None)
+        if pending is None:
+            return None
+        pending.resolve(done)
+        # Reports come in the order of the requests: an older request that has none by now gets none of its own.
+        for number in [number for number in self._unresolved if number < done.request]:
+            older = self._unresolved.pop(number)
+            if not older.superseded:
+                older.resolve(RequestDone(done.number, number, done.at_ns, RequestError.ILLEGAL_STATE, _LOST))
+        return pending.request
+
+    def _supersede(self, newer: Pending, motion: int) -> None:
+        for older in self._outstanding:
+            if isinstance(older.request, SetDestination) and older.request.motion == motion:
+                older.superseded = True
+                older.older.append(older)
+                newer.older, older.older = older.older, []
+                self._outstanding.remove(older)
+                self.superseded += 1
+                return

@@ -1,0 +1,88 @@
+"""A servo motion in words, as ``str()`` of its runtime gives it out (manual 7.5.1.3)."""
+
+from collections.abc import Callable, Iterator
+from typing import Final
+
+from hil.client.servo.session import MotionRecord, Update
+from hil.client.servo.statistic_timer import StatisticTimer
+from hil.values.fri import OperationMode
+from hil.values.motion import MotionKind
+from hil.values.servo import Vector
+
+_KINDS: Final = {MotionKind.PTP: "PTP", MotionKind.SMART_SERVO: "SmartServo", MotionKind.DIRECT_SERVO: "DirectServo"}
+
+
+def describe(
+    record: MotionRecord,
+    update: Update,
+    *,
+    verbosity: int,
+    timing_update: StatisticTimer,
+    timing_set_destination: StatisticTimer,
+) -> str:
+    """Return the lines of all levels up to ``verbosity``."""
+    lines = [
+        _headline(record, update),
+        f"timing update Controller {timing_update}",
+        f"timing SetDestination {timing_set_destination}",
+    ]
+    for level in range(2, verbosity + 1):
+        lines += _FURTHER[level](record, update)
+    return "\n".join(lines)
+
+
+def _headline(record: MotionRecord, update: Update) -> str:
+    name = f"{_KINDS[record.kind]} {record.number}"
+    if record.ended is not None:
+        return f"{name} ENDED ({record.ended.end.name}): {record.ended.reason}"
+    motion = update.motion
+    return f"{name} {motion.phase.name}, interpolator {motion.interpolator.name}, remaining {motion.remaining_s:.3f} s"
+
+
+def _positions(_: MotionRecord, update: Update) -> Iterator[str]:
+    snapshot, motion = update
+    yield f"destination {_numbers(motion.destination)} rad, arrived at {_seconds(motion.destination_at_ns)}"
+    yield f"set point   {_numbers(snapshot.commanded_position)} rad"
+    yield f"measured    {_numbers(snapshot.measured_position)} rad"
+    yield (
+        f"destinations received {motion.received}, superseded {motion.superseded}, executed {motion.executed}, "
+        f"the last at {_seconds(motion.executed_at_ns)}; goals reached {motion.goals_reached}"
+    )
+    yield f"data of cycle {snapshot.cycle} at {_seconds(snapshot.now_ns)}"
+
+
+def _everything_else(record: MotionRecord, update: Update) -> Iterator[str]:
+    snapshot, session = update.snapshot, record.session
+    yield f"measured torque {_numbers(snapshot.measured_torque)} Nm"
+    yield f"external torque {_numbers(snapshot.external_torque)} Nm"
+    welcome = session.welcome
+    controller = "" if welcome is None else f"{welcome.software}, {welcome.robot}, cycle {welcome.cycle_ms} ms; "
+    yield f"controller {controller}mode {_mode(snapshot.operation_mode)}; commander {snapshot.commander or 'nobody'}"
+    yield (
+        f"session {session.phase.value}: {session.states} states taken, {session.sent} packets sent, "
+        f"{len(session.requests)} requests outstanding, {session.requests.superseded} destinations superseded on the "
+        f"way, {session.reports_seen} reports seen, {session.reports_lost} lost"
+    )
+    # Copied first: another thread may be receiving.
+    received = ", ".join(f"{count} {outcome.value}" for outcome, count in session.outcomes.copy().items())
+    yield f"received {received}"
+
+
+def _numbers(values: Vector) -> str:
+    return f"[{', '.join(f'{value:.6f}' for value in values)}]" if values else "none"
+
+
+def _seconds(time_ns: int) -> str:
+    return f"{time_ns * 1e-9:.3f} s"
+
+
+def _mode(number: int) -> str:
+    try:
+        return OperationMode(number).name
+    except ValueError:
+        return str(number)
+
+
+_FURTHER: Final[dict[int, Callable[[MotionRecord, Update], Iterator[str]]]] = {2: _positions, 3: _everything_else}
+VERBOSITY: Final = (1, *_FURTHER)
+"""Levels of detail."""

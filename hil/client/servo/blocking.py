@@ -1,0 +1,198 @@
+"""The blocking client: for programs that wait for each call."""
+
+from collections.abc import Iterable, Iterator
+from types import TracebackType
+from typing import Self, TypeVar
+
+from hil.client.servo import _operations as operations
+from hil.client.servo._link import ClientShell, address_of, not_open, open_socket
+from hil.client.servo._operations import Operation
+from hil.client.servo._pump import Pump
+from hil.client.servo.errors import CALLED_PREMATURELY, IllegalStateException
+from hil.client.servo.motions import DirectServoMotion, Motion, PtpMotion, SmartServoMotion
+from hil.client.servo.runtime import ServoRuntime
+from hil.client.servo.session import MotionRecord, Update
+from hil.values.servo import Snapshot
+
+_T = TypeVar("_T")
+
+
+class ServoClient(ClientShell):
+    """A session with a controller, open inside its ``with`` block; any thread may call it.
+
+    Between calls a thread of its own keeps the session alive. A session that is over (the controller ended it, or was
+    silent for the longer of 1 s and three watchdogs) raises :class:`SessionEnded` from every call that waits.
+    """
+
+    _pump: Pump | None = None
+
+    def __enter__(self) -> Self:
+        self.connect()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self._close(error)
+
+    def connect(self) -> None:
+        """Begin a session; what ``with`` does. Says hello every 50 ms, for the connect timeout.
+
+        Raises :class:`ControllerSilent` or :class:`SessionRefused` (both :class:`EndpointError`).
+        """
+        self.close()
+        address = address_of(self._controller)
+        link = self._new_link()
+        pump = Pump(link, open_socket(address))
+        try:
+            pump.run(operations.connect(link.session, controller=address, timeout_s=self._connect_timeout_s))
+            pump.start()
+        except BaseException:
+            pump.close()
+            raise
+        self._pump = pump
+
+    def close(self) -> None:
+        """Say goodbye and close; does nothing when it is closed. What the session commanded brakes."""
+        self._close(None)
+
+    def move_async(self, motion: "BlockingMotion") -> None:
+        """Start ``motion``, or queue it behind those that run or wait; return when the controller has taken it."""
+        motion.bind(self)
+        self._run(operations.start(self.session, motion))
+
+    def move(self, motion: "BlockingMotion") -> None:
+        """Start ``motion`` and wait until it has ended; raise :class:`CommandInvalidException` if not by itself."""
+        motion.bind(self)
+        self._run(operations.move(self.session, motion))
+
+    def read_state(self) -> Snapshot:
+        """Return the latest state of controller, arm and motions; does not wait."""
+        self._open().look()
+        operations.check(self.session)
+        return self._snapshot()
+
+    def wait_for_state(self, timeout_s: float | None = None) -> Snapshot | None:
+        """Wait for the next state and return it; None if there is none within ``timeout_s`` seconds."""
+        return self._run(operations.next_state(self.session, after=self.session.states, timeout_s=timeout_s))
+
+    def states(self) -> Iterator[Snapshot]:
+        """Yield the newest state, again and again; who is slow misses some. It ends by ``break``, or by an error."""
+        while True:
+            snapshot = self.wait_for_state()
+            if snapshot is not None:
+                yield snapshot
+
+    def _run(self, operation: Operation[_T]) -> _T:
+        return self._open().run(operation)
+
+    def _open(self) -> Pump:
+        if self._pump is None:
+            raise not_open()
+        return self._pump
+
+    def _close(self, on_its_way: BaseException | None) -> None:
+        pump, self._pump = self._pump, None
+        if pump is not None:
+            pump.close()
+            pump.link.raise_kept(on_its_way)
+
+
+class BlockingMotion(Motion):
+    """A motion of a :class:`ServoClient`."""
+
+    _client: ServoClient | None = None
+
+    def bind(self, client: ServoClient) -> None:
+        """Belong to ``client`` from now on; raise :class:`IllegalStateException` if it runs or waits."""
+        self.must_not_run("it may be started again when it has ended")
+        self._client = client
+
+    def stop_motion(self) -> bool:
+        """Brake and end it; return whether this call did, False when it had ended.
+
+        Raises :class:`IllegalStateException` for a motion that was not started or still waits (manual 10.2).
+        """
+        return self._opened()._run(operations.stop(self.record))
+
+    def wait_until_ended(self, timeout_s: float | None = None) -> bool:
+        """Wait until it has ended; False if it has not within ``timeout_s`` seconds.
+
+        Raises :class:`CommandInvalidException` if it did not end by itself.
+        """
+        return self._opened()._run(operations.finished(self.record, timeout_s=timeout_s))
+
+    def _transferred(self, timeout_s: float) -> tuple[MotionRecord, Update]:
+        return self._opened()._run(operations.transferred(self.record, timeout_s=timeout_s))
+
+    def _opened(self) -> ServoClient:
+        if self._client is None:
+            raise IllegalStateException(CALLED_PREMATURELY)
+        return self._client
+
+
+class BlockingRuntime(ServoRuntime):
+    """The calls both servo runtimes share. Each one raises :class:`CommandInvalidException` when the motion is over."""
+
+    def __init__(self, client: ServoClient, record: MotionRecord, update: Update) -> None:
+        super().__init__(record, update)
+        self._client = client
+
+    def set_destination(self, position: Iterable[float], velocity: Iterable[float] | None = None) -> int:
+        """Go to ``position`` (seven axes, rad), to be passed with ``velocity`` (rad/s; SmartServo only).
+
+        Returns when the destination arrived at the controller, in ns of its time; updates the data. One that is
+        replaced by a newer one, from another thread, before it was sent is answered with the newer one's time.
+        """
+        return self._client._run(self._setting_destination(position, velocity))
+
+    def update_with_realtime_system(self) -> None:
+        """Fetch a fresh state: one that the controller sends after the call."""
+        self._client._run(self._updating())
+
+    def set_minimum_trajectory_execution_time(self, seconds: float) -> None:
+        """Shortest time in s from a destination to reaching it: >= 0, default 0.01. Changes the path."""
+        self._client._run(self._setting_parameters(minimum_execution_time_s=seconds))
+
+    def activate_wait_for_pause_during_set_destination(self, active: bool = True) -> None:
+        """Whether the motion pauses when the enabling switch or the start key is released: default True."""
+        self._client._run(self._setting_parameters(wait_for_pause=active))
+
+    def stop_motion(self) -> bool:
+        """Brake and end the motion; return whether this call did, False when it had ended.
+
+        Raises :class:`IllegalStateException` while it waits for the motion before it (manual 10.2).
+        """
+        return self._client._run(operations.stop(self._record))
+
+
+class SmartServoRuntime(BlockingRuntime):
+    """A SmartServo that runs, or is the next one to run."""
+
+    def activate_velocity_planning(self, active: bool = True) -> None:
+        """Whether destinations are passed with their target velocity, for the speed timeout: default False."""
+        self._client._run(self._setting_parameters(velocity_planning=active))
+
+
+class DirectServoRuntime(BlockingRuntime):
+    """A DirectServo that runs, or is the next one to run."""
+
+
+class SmartServo(SmartServoMotion, BlockingMotion):
+    """A SmartServo: jerk-limited, to ``initial_position`` first (rad; None: stay), then to each new destination."""
+
+    def get_runtime(self, timeout_s: float = 10.0) -> SmartServoRuntime:
+        """Wait until the motion runs, or is the next one to run; raise :class:`IllegalStateException` (manual 10.2)."""
+        return SmartServoRuntime(self._opened(), *self._transferred(timeout_s))
+
+
+class DirectServo(DirectServoMotion, BlockingMotion):
+    """A DirectServo: a velocity-limited filter, for destinations within 5 degrees of the measured axis position."""
+
+    def get_runtime(self, timeout_s: float = 10.0) -> DirectServoRuntime:
+        """Wait until the motion runs, or is the next one to run; raise :class:`IllegalStateException` (manual 10.2)."""
+        return DirectServoRuntime(self._opened(), *self._transferred(timeout_s))
+
+
+class PTP(PtpMotion, BlockingMotion):
+    """A jerk-limited motion to ``destination`` (seven axes, rad), always on the same path."""

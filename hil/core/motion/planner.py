@@ -1,0 +1,228 @@
+"""Trajectories from where an arm is to where it is to go, within velocity, acceleration and jerk, by Ruckig.
+
+What Ruckig cannot plan is returned as the manual's reason (10.3); Ruckig itself answers some of it with a result and
+some with an exception, and both are looked up in a table.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final, Protocol
+
+from ruckig import (
+    ControlInterface,
+    DurationDiscretization,
+    InputParameter,
+    Result,
+    Ruckig,
+    RuckigError,
+    Synchronization,
+    Trajectory,
+)
+
+from hil.core.motion.axis_range import MARGIN_RAD, leaves_range
+from hil.core.motion.motion_limits import bad_execution_time
+from hil.core.motion.set_point import STILL, SetPoint
+from hil.values.motion import ErrorReason, Fault
+from hil.values.robot import JOINT_COUNT, JointLimits, Seven
+
+RESULTS: Final[Mapping[Result, ErrorReason]] = {
+    Result.Error: ErrorReason.ERROR,
+    Result.ErrorInvalidInput: ErrorReason.INVALID_INPUT_VALUES,
+    Result.ErrorPositionalLimits: ErrorReason.POSITIONAL_LIMITS,
+    Result.ErrorExecutionTimeCalculation: ErrorReason.EXECUTION_TIME_CALCULATION,
+    Result.ErrorSynchronizationCalculation: ErrorReason.SYNCHRONIZATION,
+}
+"""What Ruckig answers, to the manual's reason."""
+
+EXCEPTIONS: Final = (
+    ("zero limits conflict", ErrorReason.INVALID_INPUT_VALUES),
+    ("error in step 1", ErrorReason.EXECUTION_TIME_CALCULATION),
+    ("error in step 2", ErrorReason.SYNCHRONIZATION),
+    ("error in time synchronization", ErrorReason.SYNCHRONIZATION),
+    ("-101 is not a valid Result", ErrorReason.EXECUTION_TIME_TOO_BIG),
+)
+"""What Ruckig raises, by a part of its text, to the manual's reason; any other text is about an input value.
+
+The Python binding lacks Ruckig's result for a duration above 7.6e3 s and fails to convert it, which is the last line.
+"""
+
+_PLANNED: Final = frozenset({Result.Working, Result.Finished})
+_STRAIGHT_TOLERANCE_RAD = 1e-9
+_NO_WAY_RAD = 1e-8
+
+
+class Solver(Protocol):
+    """What the planner needs of a Ruckig; a test may bring its own."""
+
+    def calculate(self, request: Any, trajectory: Any, /) -> Any:
+        """Write the trajectory for ``request`` into ``trajectory`` and return a result, or raise."""
+
+
+class Plan:
+    """A trajectory that was planned; times in s from its start."""
+
+    __slots__ = ("_at_time", "duration_s")
+
+    def __init__(self, trajectory: Any) -> None:
+        self._at_time: Callable[[float], tuple[list[float], list[float], list[float]]] = trajectory.at_time
+        self.duration_s: float = trajectory.duration
+
+    def at(self, time_s: float) -> SetPoint:
+        """Return the set point at a time."""
+        position, velocity, acceleration = self._at_time(time_s)
+        return SetPoint(tuple(position), tuple(velocity), tuple(acceleration))  # type: ignore[arg-type]
+
+    @property
+    def end(self) -> SetPoint:
+        """Where it leads to."""
+        return self.at(self.duration_s)
+
+
+class TrajectoryPlanner:
+    """Plans within ``limits``; one for each motion, because what it works on is used again each time.
+
+    Ruckig meets a goal to 1e-8 rad; whoever follows a plan makes that good at its end. Start accelerations must be
+    admissible (:func:`hil.core.motion.motion_limits.admissible`).
+    """
+
+    def __init__(self, limits: JointLimits, *, cycle_s: float, solver: Solver | None = None) -> None:
+        self._limits = limits
+        self._solver: Solver = Ruckig(JOINT_COUNT, cycle_s) if solver is None else solver
+        self._lowest_rad = tuple(low + MARGIN_RAD for low in limits.position_min_rad)
+        self._highest_rad = tuple(high - MARGIN_RAD for high in limits.position_max_rad)
+        self._to_goal = self._request()
+        self._to_rest: InputParameter | None = None
+
+    def to_goal(
+        self,
+        start: SetPoint,
+        goal_rad: Seven,
+        *,
+        velocity_rad_s: Seven = STILL,
+        minimum_time_s: float = 0.0,
+        range_is_sure: bool = False,
+        margin_rad: Seven | None = None,
+    ) -> Plan | Fault:
+        """Plan a way to ``goal_rad`` on which all axes arrive together, with ``velocity_rad_s``.
+
+        If it leaves an axis range, or the axes cannot be synchronised, every axis goes as quickly as it can; that is no
+        way out where axes have to arrive with a velocity. A way with a velocity at its end takes whole cycles, so that
+        it is reached at the end of one. ``range_is_sure`` spares the look at the range (it keeps ``margin_rad`` to it).
+        """
+        fault = bad_execution_time(minimum_time_s)
+        if fault is not None:
+            return fault
+        request = self._to_goal
+        arrives_moving = velocity_rad_s != STILL
+        request.current_position, request.current_velocity, request.current_acceleration = start
+        request.target_position = self._inside(start, goal_rad)
+        request.target_velocity = velocity_rad_s
+        request.minimum_duration = minimum_time_s
+        if arrives_moving:
+            request.duration_discretization = DurationDiscretization.Discrete
+        planned = self._plan(request, None if range_is_sure else start, margin_rad)
+        if arrives_moving:
+            request.duration_discretization = DurationDiscretization.Continuous
+        elif isinstance(planned, Fault) and planned.reason in _WITHOUT_SYNCHRONIZATION:
+            request.synchronization = Synchronization.No
+            planned = self._plan(request, start, margin_rad)
+            request.synchronization = Synchronization.Time
+        return planned
+
+    def along_line(self, start: SetPoint, goal_rad: Seven) -> Plan | Fault:
+        """Plan the straight line in axis space from rest to rest.
+
+        Each axis gets the share of its limits that the axis with the most to do leaves it, so that all have the same
+        profile, and the time is that of the slowest.
+        """
+        inside = self._inside(start, goal_rad)
+        way = [_way(here, there) for here, there in zip(start.position_rad, inside, strict=True)]
+        if not any(way):
+            return self.to_goal(start, goal_rad, range_is_sure=True)
+        request = self._request()
+        request.synchronization = Synchronization.Phase
+        request.max_velocity = _shared(self._limits.velocity_rad_s, way)
+        request.max_acceleration = _shared(self._limits.acceleration_rad_s2, way)
+        request.max_jerk = _shared(self._limits.jerk_rad_s3, way)
+        request.current_position = start.position_rad
+        request.target_position = [here + part for here, part in zip(start.position_rad, way, strict=True)]
+        planned = self._plan(request, None, None)
+        return planned if isinstance(planned, Fault) else _straight(planned, start.position_rad, way) or planned
+
+    def to_rest(self, start: SetPoint) -> Plan | Fault:
+        """Plan the shortest way to a standstill, every axis for itself."""
+        request = self._to_rest
+        if request is None:
+            request = self._to_rest = self._request()
+            request.control_interface = ControlInterface.Velocity
+            request.synchronization = Synchronization.No
+        request.current_position, request.current_velocity, request.current_acceleration = start
+        return self._plan(request, start, None)
+
+    def _plan(self, request: InputParameter, start: SetPoint | None, margin_rad: Seven | None) -> Plan | Fault:
+        """Solve ``request``; with a ``start``, look at the axis ranges."""
+        trajectory = Trajectory(JOINT_COUNT)
+        try:
+            result = self._solver.calculate(request, trajectory)
+        except (RuckigError, ValueError) as error:
+            return _fault_of(error)
+        if result not in _PLANNED:
+            return Fault(RESULTS.get(result, ErrorReason.ERROR), f"the planner answers {result!s}")
+        plan = Plan(trajectory)
+        if start is None:
+            return plan
+        end = plan.end.position_rad
+        return leaves_range(trajectory, start, end, limits=self._limits, margin_rad=margin_rad) or plan
+
+    def _inside(self, start: SetPoint, goal_rad: Seven) -> tuple[float, ...]:
+        """Return a goal so far inside the range that the way to it, with Ruckig's precision, does not leave it."""
+        for there, low, high in zip(goal_rad, self._lowest_rad, self._highest_rad, strict=True):
+            if not low <= there <= high:
+                break
+        else:
+            return goal_rad
+        axes = zip(start.position_rad, goal_rad, self._lowest_rad, self._highest_rad, strict=True)
+        return tuple(there if there == here else min(max(there, low), high) for here, there, low, high in axes)
+
+    def _request(self) -> InputParameter:
+        request = InputParameter(JOINT_COUNT)
+        request.max_velocity = self._limits.velocity_rad_s
+        request.max_acceleration = self._limits.acceleration_rad_s2
+        request.max_jerk = self._limits.jerk_rad_s3
+        return request
+
+
+_WITHOUT_SYNCHRONIZATION: Final = frozenset({ErrorReason.POSITIONAL_LIMITS, ErrorReason.SYNCHRONIZATION})
+"""Reasons that each axis going for itself may not have."""
+
+
+def _fault_of(error: Exception) -> Fault:
+    text = str(error).strip()
+    first_line = text.partition("\n")[0]
+    for part, reason in EXCEPTIONS:
+        if part in text:
+            return Fault(reason, f"the planner answers: {first_line}")
+    known = ErrorReason.INVALID_INPUT_VALUES if isinstance(error, RuckigError) else ErrorReason.ERROR
+    return Fault(known, f"the planner answers: {first_line}")
+
+
+def _way(here_rad: float, there_rad: float) -> float:
+    """Return the way of one axis; what is shorter than Ruckig's precision is none."""
+    way_rad = there_rad - here_rad
+    return way_rad if abs(way_rad) > _NO_WAY_RAD else 0.0
+
+
+def _shared(limits: Seven, way: list[float]) -> list[float]:
+    """Return the limit of each axis times its share of the way of the axis whose limit binds."""
+    share = min(limit / abs(part) for limit, part in zip(limits, way, strict=True) if part)
+    return [share * abs(part) if part else limit for limit, part in zip(limits, way, strict=True)]
+
+
+def _straight(plan: Plan, start_rad: Seven, way: list[float]) -> Fault | None:
+    """Return a fault if the arm is beside its line in the middle of the time."""
+    longest = max(range(JOINT_COUNT), key=lambda axis: abs(way[axis]))
+    middle = plan.at(plan.duration_s / 2).position_rad
+    share = (middle[longest] - start_rad[longest]) / way[longest]
+    off = max(abs(here + share * part - there) for here, part, there in zip(start_rad, way, middle, strict=True))
+    if off <= _STRAIGHT_TOLERANCE_RAD:
+        return None
+    return Fault(ErrorReason.NO_PHASE_SYNCHRONIZATION, f"an axis would be {off:.3g} rad beside the straight line")

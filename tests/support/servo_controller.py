@@ -1,0 +1,264 @@
+"""A stand-in for the controller's end of the servo link: sans-I/O, a few rules, driven tick by tick by tests.
+
+It keeps the protocol of :mod:`hil.values.servo` to the letter and knows nothing of motion: a destination is reached a
+few ticks after it came, a PTP ends there, a servo motion rests for its timeout.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from hil.values.errors import MalformedDatagram
+from hil.values.motion import ErrorReason, FineInterpolatorState, MotionEnd, MotionKind, MotionPhase
+from hil.values.servo import (
+    MAX_REPORTS_IN_PACKET,
+    PROTOCOL_VERSION,
+    Command,
+    Ended,
+    FromController,
+    GoalReached,
+    Goodbye,
+    Hello,
+    MotionEnded,
+    MotionState,
+    Refused,
+    Report,
+    Request,
+    RequestDone,
+    RequestError,
+    ServoClientCodec,
+    ServoControllerCodec,
+    SetDestination,
+    SetRuntimeParameters,
+    Snapshot,
+    StartMotion,
+    State,
+    StopMotion,
+    Vector,
+    Welcome,
+)
+
+MS = 1_000_000
+UNIX_EPOCH_NS = 1_795_322_390 * 10**9
+TICKS_TO_GOAL = 3
+SOFTWARE, ROBOT = "stand-in 1.0", "lbr-iiwa-14-r820"
+START: Vector = (0.0, 0.5, 0.0, 0.7, 0.0, 1.5, 0.0)
+NOT_ACTIVE = "waitForTransferred called prematurely - RealtimeMotion is not active"
+
+
+class ServoCodecs(ServoClientCodec, ServoControllerCodec, Protocol):
+    """Both directions."""
+
+
+@dataclass
+class Moving:
+    """A motion that runs or waits."""
+
+    start: StartMotion
+    destination: Vector
+    destination_at_ns: int
+    ticks_to_goal: int = TICKS_TO_GOAL
+    rested_ns: int = 0
+    goals_reached: int = 0
+    received: int = 0
+
+
+@dataclass
+class StandIn:
+    """A controller with at most one session; ``outgoing`` holds the datagrams it sent since they were fetched."""
+
+    codec: ServoCodecs
+    state_period: int = 5
+    """In ticks of 1 ms."""
+    refusal: Refused | None = None
+    """What it answers hellos with, if not with a welcome."""
+    answers_commands: bool = True
+    now_ns: int = 0
+    token: int = 0
+    outgoing: list[bytes] = field(default_factory=list)
+    taken: list[Request] = field(default_factory=list)
+    """Requests, in the order they were done."""
+    left: int = 0
+    """Sessions that said goodbye."""
+    hellos: list[Hello] = field(default_factory=list)
+    commands: int = 0
+    on_command: Callable[[Command], None] = lambda _: None
+    """Is shown every command taken."""
+    told: int = 0
+    """Reports made."""
+    motions: list[Moving] = field(default_factory=list)
+    position: Vector = START
+    reports: deque[Report] = field(default_factory=deque)
+    _sequence: int = 0
+    _state_sequence: int = 0
+    _requests_done: int = 0
+    _wants_state: bool = False
+    _ticks: int = 0
+    _tokens: dict[int, int] = field(default_factory=dict)
+    _offered: set[int] = field(default_factory=set)
+
+    def receive(self, datagram: bytes) -> None:
+        """Take a datagram of a client."""
+        try:
+            packet = self.codec.decode_from_client(datagram)
+        except MalformedDatagram:
+            return
+        if isinstance(packet, Hello):
+            self.hellos.append(packet)
+            self._hello(packet)
+            return
+        if not self.answers_commands:
+            return
+        if packet.token in self._offered:
+            self._begin(packet.token)
+        if packet.token == self.token and packet.sequence > self._sequence:
+            self._sequence = packet.sequence
+            if isinstance(packet, Goodbye):
+                self.left += 1
+                self.token = 0
+            else:
+                self._command(packet)
+
+    def tick(self) -> None:
+        """Let a millisecond pass."""
+        self.now_ns += MS
+        self._ticks += 1
+        self._move()
+        if self._sequence and self.token and (self._wants_state or self._ticks % self.state_period == 0):
+            self.send(self.state())
+
+    def fetch(self) -> list[bytes]:
+        """Return what was sent since the last call."""
+        sent, self.outgoing = self.outgoing, []
+        return sent
+
+    def send(self, packet: FromController) -> None:
+        """Send a packet."""
+        self.outgoing.append(self.codec.encode_from_controller(packet))
+
+    def state(self) -> State:
+        """Return the next state packet."""
+        self._state_sequence += 1
+        self._wants_state = False
+        unseen = tuple(list(self.reports)[:MAX_REPORTS_IN_PACKET])
+        return State(
+            self.token, self._state_sequence, self._sequence, self._requests_done, self.snapshot(), reports=unseen
+        )
+
+    def snapshot(self) -> Snapshot:
+        """Return what a state packet shows now."""
+        shown = tuple(self._shown(place, motion) for place, motion in enumerate(self.motions))
+        still = (0.0,) * 7
+        return Snapshot(self.now_ns, self._ticks, 2, self.position, self.position, still, still, "test", shown)
+
+    def end(self, reason: str) -> None:
+        """End the session."""
+        self.send(Ended(self.token, reason))
+        self.token = 0
+
+    def fail(self, reason: str, detail: str = "") -> None:
+        """Let the first motion fail."""
+        self._end(self.motions[0], MotionEnd.FAILED, reason, detail)
+
+    def report(self, make: Callable[[int], Report]) -> None:
+        """Report something."""
+        self.told += 1
+        self.reports.append(make(self.told))
+        self._wants_state = True
+
+    def _hello(self, hello: Hello) -> None:
+        if self.refusal is not None:
+            self.send(self.refusal._replace(nonce=hello.nonce))
+            return
+        token = self._tokens.setdefault(hello.nonce, 1001 + len(self._tokens))
+        if token != self.token:
+            self._offered.add(token)
+        self.send(Welcome(PROTOCOL_VERSION, hello.nonce, token, SOFTWARE, ROBOT, 1, UNIX_EPOCH_NS))
+
+    def _begin(self, token: int) -> None:
+        self._offered.discard(token)
+        self.token = token
+        self._sequence = self._state_sequence = self._requests_done = self.told = 0
+        self.reports.clear()
+        self.motions.clear()
+
+    def _command(self, command: Command) -> None:
+        self.commands += 1
+        self.on_command(command)
+        self._wants_state |= command.wants_state
+        while self.reports and self.reports[0].number <= command.reports_seen:
+            self.reports.popleft()
+        for request in command.requests:
+            if request.number > self._requests_done:
+                self._requests_done = request.number
+                self.taken.append(request)
+                self._do(request)
+
+    def _do(self, request: Request) -> None:
+        error, reason, detail = self._outcome(request)
+        at_ns = self.now_ns
+        self.report(lambda number: RequestDone(number, request.number, at_ns, error, reason, detail))
+
+    def _outcome(self, request: Request) -> tuple[RequestError, str, str]:
+        if isinstance(request, StartMotion):
+            self.motions.append(Moving(request, request.destination or self.position, self.now_ns))
+            return RequestError.NONE, "", ""
+        moving = next((moving for moving in self.motions if moving.start.number == request.motion), None)
+        if moving is None:
+            return RequestError.COMMAND_INVALID, "it has ended", f"motion {request.motion}"
+        if isinstance(request, StopMotion):
+            if moving is not self.motions[0]:
+                return RequestError.ILLEGAL_STATE, NOT_ACTIVE, ""
+            self._end(moving, MotionEnd.STOPPED, "stopped by the application", "")
+        elif isinstance(request, SetDestination):
+            if request.position is None or len(request.position) != 7:
+                detail = f"{len(request.position or ())} axes"
+                self._end(moving, MotionEnd.FAILED, ErrorReason.NUMBER_OF_DOFS, detail)
+                return RequestError.COMMAND_INVALID, ErrorReason.NUMBER_OF_DOFS, detail
+            moving.destination, moving.destination_at_ns = request.position, self.now_ns
+            moving.ticks_to_goal, moving.received = TICKS_TO_GOAL, moving.received + 1
+        elif isinstance(request, SetRuntimeParameters) and request.minimum_execution_time_s == 1e9:
+            return RequestError.ILLEGAL_ARGUMENT, "too long for a test", "1e9 s"
+        return RequestError.NONE, "", ""
+
+    def _move(self) -> None:
+        if not self.motions:
+            return
+        moving = self.motions[0]
+        if moving.ticks_to_goal:
+            moving.ticks_to_goal -= 1
+            if not moving.ticks_to_goal:
+                moving.goals_reached += 1
+                moving.rested_ns = 0
+                self.position = moving.destination
+                at_ns, position, own = self.now_ns, self.position, moving.start.number
+                self.report(lambda number: GoalReached(number, own, at_ns, FineInterpolatorState.RESTING, position))
+        elif moving.start.kind is MotionKind.PTP:
+            self._end(moving, MotionEnd.FINISHED, "the point was reached", "")
+        else:
+            moving.rested_ns += MS
+            if moving.rested_ns > moving.start.parameters.timeout_after_goal_s * 1e9:
+                self._end(moving, MotionEnd.FINISHED, "timeout after the destination was reached", "")
+
+    def _end(self, moving: Moving, end: MotionEnd, reason: str, detail: str) -> None:
+        self.motions.remove(moving)
+        at_ns, own = self.now_ns, moving.start.number
+        self.report(lambda number: MotionEnded(number, own, at_ns, end, reason, detail))
+
+    def _shown(self, place: int, moving: Moving) -> MotionState:
+        phase = (MotionPhase.ACTIVE, MotionPhase.TRANSFERRED)[place] if place < 2 else MotionPhase.QUEUED
+        return MotionState(
+            moving.start.number,
+            moving.start.kind,
+            phase,
+            FineInterpolatorState.MOVING if moving.ticks_to_goal else FineInterpolatorState.RESTING,
+            moving.destination,
+            moving.destination_at_ns,
+            moving.ticks_to_goal * 1e-3,
+            moving.goals_reached,
+            moving.received,
+            0,
+            moving.received,
+            moving.destination_at_ns,
+        )

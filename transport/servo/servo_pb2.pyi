@@ -1,0 +1,386 @@
+from google.protobuf.internal import containers as _containers
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from collections.abc import Iterable as _Iterable, Mapping as _Mapping
+from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class Role(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    ROLE_NONE: _ClassVar[Role]
+    ROLE_OBSERVER: _ClassVar[Role]
+    ROLE_COMMANDER: _ClassVar[Role]
+
+class MotionKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    KIND_NONE: _ClassVar[MotionKind]
+    KIND_PTP: _ClassVar[MotionKind]
+    KIND_SMART_SERVO: _ClassVar[MotionKind]
+    KIND_DIRECT_SERVO: _ClassVar[MotionKind]
+
+class MotionPhase(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    PHASE_NONE: _ClassVar[MotionPhase]
+    PHASE_QUEUED: _ClassVar[MotionPhase]
+    PHASE_TRANSFERRED: _ClassVar[MotionPhase]
+    PHASE_ACTIVE: _ClassVar[MotionPhase]
+    PHASE_ENDED: _ClassVar[MotionPhase]
+
+class FineInterpolatorState(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    INTERPOLATOR_NONE: _ClassVar[FineInterpolatorState]
+    INTERPOLATOR_MOVING: _ClassVar[FineInterpolatorState]
+    INTERPOLATOR_VELOCITY_AFTER_GOAL_REACH: _ClassVar[FineInterpolatorState]
+    INTERPOLATOR_RESTING: _ClassVar[FineInterpolatorState]
+    INTERPOLATOR_ENDED: _ClassVar[FineInterpolatorState]
+
+class RequestError(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    ERROR_NONE: _ClassVar[RequestError]
+    ERROR_ILLEGAL_ARGUMENT: _ClassVar[RequestError]
+    ERROR_ILLEGAL_STATE: _ClassVar[RequestError]
+    ERROR_COMMAND_INVALID: _ClassVar[RequestError]
+
+class MotionEnd(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    END_NONE: _ClassVar[MotionEnd]
+    END_FINISHED: _ClassVar[MotionEnd]
+    END_STOPPED: _ClassVar[MotionEnd]
+    END_FAILED: _ClassVar[MotionEnd]
+ROLE_NONE: Role
+ROLE_OBSERVER: Role
+ROLE_COMMANDER: Role
+KIND_NONE: MotionKind
+KIND_PTP: MotionKind
+KIND_SMART_SERVO: MotionKind
+KIND_DIRECT_SERVO: MotionKind
+PHASE_NONE: MotionPhase
+PHASE_QUEUED: MotionPhase
+PHASE_TRANSFERRED: MotionPhase
+PHASE_ACTIVE: MotionPhase
+PHASE_ENDED: MotionPhase
+INTERPOLATOR_NONE: FineInterpolatorState
+INTERPOLATOR_MOVING: FineInterpolatorState
+INTERPOLATOR_VELOCITY_AFTER_GOAL_REACH: FineInterpolatorState
+INTERPOLATOR_RESTING: FineInterpolatorState
+INTERPOLATOR_ENDED: FineInterpolatorState
+ERROR_NONE: RequestError
+ERROR_ILLEGAL_ARGUMENT: RequestError
+ERROR_ILLEGAL_STATE: RequestError
+ERROR_COMMAND_INVALID: RequestError
+END_NONE: MotionEnd
+END_FINISHED: MotionEnd
+END_STOPPED: MotionEnd
+END_FAILED: MotionEnd
+
+class Packet(_message.Message):
+    __slots__ = ("header", "hello", "welcome", "refused", "command", "goodbye", "state", "ended")
+    HEADER_FIELD_NUMBER: _ClassVar[int]
+    HELLO_FIELD_NUMBER: _ClassVar[int]
+    WELCOME_FIELD_NUMBER: _ClassVar[int]
+    REFUSED_FIELD_NUMBER: _ClassVar[int]
+    COMMAND_FIELD_NUMBER: _ClassVar[int]
+    GOODBYE_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    ENDED_FIELD_NUMBER: _ClassVar[int]
+    header: Header
+    hello: Hello
+    welcome: Welcome
+    refused: Refused
+    command: Command
+    goodbye: Goodbye
+    state: State
+    ended: Ended
+    def __init__(self, header: _Optional[_Union[Header, _Mapping]] = ..., hello: _Optional[_Union[Hello, _Mapping]] = ..., welcome: _Optional[_Union[Welcome, _Mapping]] = ..., refused: _Optional[_Union[Refused, _Mapping]] = ..., command: _Optional[_Union[Command, _Mapping]] = ..., goodbye: _Optional[_Union[Goodbye, _Mapping]] = ..., state: _Optional[_Union[State, _Mapping]] = ..., ended: _Optional[_Union[Ended, _Mapping]] = ...) -> None: ...
+
+class Header(_message.Message):
+    __slots__ = ("version", "token", "sequence", "reflected_sequence")
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    TOKEN_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    REFLECTED_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    version: int
+    token: int
+    sequence: int
+    reflected_sequence: int
+    def __init__(self, version: _Optional[int] = ..., token: _Optional[int] = ..., sequence: _Optional[int] = ..., reflected_sequence: _Optional[int] = ...) -> None: ...
+
+class AnyPacket(_message.Message):
+    __slots__ = ("header", "hello", "welcome", "refused")
+    HEADER_FIELD_NUMBER: _ClassVar[int]
+    HELLO_FIELD_NUMBER: _ClassVar[int]
+    WELCOME_FIELD_NUMBER: _ClassVar[int]
+    REFUSED_FIELD_NUMBER: _ClassVar[int]
+    header: Header
+    hello: AnyHello
+    welcome: AnyAnswer
+    refused: AnyAnswer
+    def __init__(self, header: _Optional[_Union[Header, _Mapping]] = ..., hello: _Optional[_Union[AnyHello, _Mapping]] = ..., welcome: _Optional[_Union[AnyAnswer, _Mapping]] = ..., refused: _Optional[_Union[AnyAnswer, _Mapping]] = ...) -> None: ...
+
+class AnyHello(_message.Message):
+    __slots__ = ("nonce",)
+    NONCE_FIELD_NUMBER: _ClassVar[int]
+    nonce: int
+    def __init__(self, nonce: _Optional[int] = ...) -> None: ...
+
+class AnyAnswer(_message.Message):
+    __slots__ = ("nonce", "text", "try_again")
+    NONCE_FIELD_NUMBER: _ClassVar[int]
+    TEXT_FIELD_NUMBER: _ClassVar[int]
+    TRY_AGAIN_FIELD_NUMBER: _ClassVar[int]
+    nonce: int
+    text: bytes
+    try_again: bool
+    def __init__(self, nonce: _Optional[int] = ..., text: _Optional[bytes] = ..., try_again: _Optional[bool] = ...) -> None: ...
+
+class Hello(_message.Message):
+    __slots__ = ("nonce", "role", "watchdog_ms", "state_period_ms", "name", "padding")
+    NONCE_FIELD_NUMBER: _ClassVar[int]
+    ROLE_FIELD_NUMBER: _ClassVar[int]
+    WATCHDOG_MS_FIELD_NUMBER: _ClassVar[int]
+    STATE_PERIOD_MS_FIELD_NUMBER: _ClassVar[int]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    PADDING_FIELD_NUMBER: _ClassVar[int]
+    nonce: int
+    role: Role
+    watchdog_ms: int
+    state_period_ms: int
+    name: str
+    padding: bytes
+    def __init__(self, nonce: _Optional[int] = ..., role: _Optional[_Union[Role, str]] = ..., watchdog_ms: _Optional[int] = ..., state_period_ms: _Optional[int] = ..., name: _Optional[str] = ..., padding: _Optional[bytes] = ...) -> None: ...
+
+class Welcome(_message.Message):
+    __slots__ = ("nonce", "software", "robot", "cycle_ms", "unix_epoch_ns")
+    NONCE_FIELD_NUMBER: _ClassVar[int]
+    SOFTWARE_FIELD_NUMBER: _ClassVar[int]
+    ROBOT_FIELD_NUMBER: _ClassVar[int]
+    CYCLE_MS_FIELD_NUMBER: _ClassVar[int]
+    UNIX_EPOCH_NS_FIELD_NUMBER: _ClassVar[int]
+    nonce: int
+    software: str
+    robot: str
+    cycle_ms: int
+    unix_epoch_ns: int
+    def __init__(self, nonce: _Optional[int] = ..., software: _Optional[str] = ..., robot: _Optional[str] = ..., cycle_ms: _Optional[int] = ..., unix_epoch_ns: _Optional[int] = ...) -> None: ...
+
+class Refused(_message.Message):
+    __slots__ = ("nonce", "reason", "try_again")
+    NONCE_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    TRY_AGAIN_FIELD_NUMBER: _ClassVar[int]
+    nonce: int
+    reason: str
+    try_again: bool
+    def __init__(self, nonce: _Optional[int] = ..., reason: _Optional[str] = ..., try_again: _Optional[bool] = ...) -> None: ...
+
+class Goodbye(_message.Message):
+    __slots__ = ()
+    def __init__(self) -> None: ...
+
+class Ended(_message.Message):
+    __slots__ = ("reason",)
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    reason: str
+    def __init__(self, reason: _Optional[str] = ...) -> None: ...
+
+class Command(_message.Message):
+    __slots__ = ("reports_seen", "wants_state", "request")
+    REPORTS_SEEN_FIELD_NUMBER: _ClassVar[int]
+    WANTS_STATE_FIELD_NUMBER: _ClassVar[int]
+    REQUEST_FIELD_NUMBER: _ClassVar[int]
+    reports_seen: int
+    wants_state: bool
+    request: _containers.RepeatedCompositeFieldContainer[Request]
+    def __init__(self, reports_seen: _Optional[int] = ..., wants_state: _Optional[bool] = ..., request: _Optional[_Iterable[_Union[Request, _Mapping]]] = ...) -> None: ...
+
+class Request(_message.Message):
+    __slots__ = ("number", "start", "destination", "parameters", "stop")
+    NUMBER_FIELD_NUMBER: _ClassVar[int]
+    START_FIELD_NUMBER: _ClassVar[int]
+    DESTINATION_FIELD_NUMBER: _ClassVar[int]
+    PARAMETERS_FIELD_NUMBER: _ClassVar[int]
+    STOP_FIELD_NUMBER: _ClassVar[int]
+    number: int
+    start: StartMotion
+    destination: SetDestination
+    parameters: SetRuntimeParameters
+    stop: StopMotion
+    def __init__(self, number: _Optional[int] = ..., start: _Optional[_Union[StartMotion, _Mapping]] = ..., destination: _Optional[_Union[SetDestination, _Mapping]] = ..., parameters: _Optional[_Union[SetRuntimeParameters, _Mapping]] = ..., stop: _Optional[_Union[StopMotion, _Mapping]] = ...) -> None: ...
+
+class Vector(_message.Message):
+    __slots__ = ("value",)
+    VALUE_FIELD_NUMBER: _ClassVar[int]
+    value: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, value: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class MotionParameters(_message.Message):
+    __slots__ = ("joint_velocity_rel", "joint_acceleration_rel", "acceleration_override", "joint_jerk_percent", "minimum_execution_time_s", "speed_timeout_s", "timeout_after_goal_s", "blending_rel", "velocity_planning", "wait_for_pause")
+    JOINT_VELOCITY_REL_FIELD_NUMBER: _ClassVar[int]
+    JOINT_ACCELERATION_REL_FIELD_NUMBER: _ClassVar[int]
+    ACCELERATION_OVERRIDE_FIELD_NUMBER: _ClassVar[int]
+    JOINT_JERK_PERCENT_FIELD_NUMBER: _ClassVar[int]
+    MINIMUM_EXECUTION_TIME_S_FIELD_NUMBER: _ClassVar[int]
+    SPEED_TIMEOUT_S_FIELD_NUMBER: _ClassVar[int]
+    TIMEOUT_AFTER_GOAL_S_FIELD_NUMBER: _ClassVar[int]
+    BLENDING_REL_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_PLANNING_FIELD_NUMBER: _ClassVar[int]
+    WAIT_FOR_PAUSE_FIELD_NUMBER: _ClassVar[int]
+    joint_velocity_rel: float
+    joint_acceleration_rel: float
+    acceleration_override: float
+    joint_jerk_percent: float
+    minimum_execution_time_s: float
+    speed_timeout_s: float
+    timeout_after_goal_s: float
+    blending_rel: float
+    velocity_planning: bool
+    wait_for_pause: bool
+    def __init__(self, joint_velocity_rel: _Optional[float] = ..., joint_acceleration_rel: _Optional[float] = ..., acceleration_override: _Optional[float] = ..., joint_jerk_percent: _Optional[float] = ..., minimum_execution_time_s: _Optional[float] = ..., speed_timeout_s: _Optional[float] = ..., timeout_after_goal_s: _Optional[float] = ..., blending_rel: _Optional[float] = ..., velocity_planning: _Optional[bool] = ..., wait_for_pause: _Optional[bool] = ...) -> None: ...
+
+class StartMotion(_message.Message):
+    __slots__ = ("kind", "parameters", "destination")
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    PARAMETERS_FIELD_NUMBER: _ClassVar[int]
+    DESTINATION_FIELD_NUMBER: _ClassVar[int]
+    kind: MotionKind
+    parameters: MotionParameters
+    destination: Vector
+    def __init__(self, kind: _Optional[_Union[MotionKind, str]] = ..., parameters: _Optional[_Union[MotionParameters, _Mapping]] = ..., destination: _Optional[_Union[Vector, _Mapping]] = ...) -> None: ...
+
+class SetDestination(_message.Message):
+    __slots__ = ("motion", "position", "velocity")
+    MOTION_FIELD_NUMBER: _ClassVar[int]
+    POSITION_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_FIELD_NUMBER: _ClassVar[int]
+    motion: int
+    position: Vector
+    velocity: Vector
+    def __init__(self, motion: _Optional[int] = ..., position: _Optional[_Union[Vector, _Mapping]] = ..., velocity: _Optional[_Union[Vector, _Mapping]] = ...) -> None: ...
+
+class SetRuntimeParameters(_message.Message):
+    __slots__ = ("motion", "minimum_execution_time_s", "velocity_planning", "wait_for_pause")
+    MOTION_FIELD_NUMBER: _ClassVar[int]
+    MINIMUM_EXECUTION_TIME_S_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_PLANNING_FIELD_NUMBER: _ClassVar[int]
+    WAIT_FOR_PAUSE_FIELD_NUMBER: _ClassVar[int]
+    motion: int
+    minimum_execution_time_s: float
+    velocity_planning: bool
+    wait_for_pause: bool
+    def __init__(self, motion: _Optional[int] = ..., minimum_execution_time_s: _Optional[float] = ..., velocity_planning: _Optional[bool] = ..., wait_for_pause: _Optional[bool] = ...) -> None: ...
+
+class StopMotion(_message.Message):
+    __slots__ = ("motion",)
+    MOTION_FIELD_NUMBER: _ClassVar[int]
+    motion: int
+    def __init__(self, motion: _Optional[int] = ...) -> None: ...
+
+class State(_message.Message):
+    __slots__ = ("requests_done", "snapshot", "report")
+    REQUESTS_DONE_FIELD_NUMBER: _ClassVar[int]
+    SNAPSHOT_FIELD_NUMBER: _ClassVar[int]
+    REPORT_FIELD_NUMBER: _ClassVar[int]
+    requests_done: int
+    snapshot: Snapshot
+    report: _containers.RepeatedCompositeFieldContainer[Report]
+    def __init__(self, requests_done: _Optional[int] = ..., snapshot: _Optional[_Union[Snapshot, _Mapping]] = ..., report: _Optional[_Iterable[_Union[Report, _Mapping]]] = ...) -> None: ...
+
+class Snapshot(_message.Message):
+    __slots__ = ("now_ns", "cycle", "operation_mode", "measured_position", "commanded_position", "measured_torque", "external_torque", "commander", "motion")
+    NOW_NS_FIELD_NUMBER: _ClassVar[int]
+    CYCLE_FIELD_NUMBER: _ClassVar[int]
+    OPERATION_MODE_FIELD_NUMBER: _ClassVar[int]
+    MEASURED_POSITION_FIELD_NUMBER: _ClassVar[int]
+    COMMANDED_POSITION_FIELD_NUMBER: _ClassVar[int]
+    MEASURED_TORQUE_FIELD_NUMBER: _ClassVar[int]
+    EXTERNAL_TORQUE_FIELD_NUMBER: _ClassVar[int]
+    COMMANDER_FIELD_NUMBER: _ClassVar[int]
+    MOTION_FIELD_NUMBER: _ClassVar[int]
+    now_ns: int
+    cycle: int
+    operation_mode: int
+    measured_position: _containers.RepeatedScalarFieldContainer[float]
+    commanded_position: _containers.RepeatedScalarFieldContainer[float]
+    measured_torque: _containers.RepeatedScalarFieldContainer[float]
+    external_torque: _containers.RepeatedScalarFieldContainer[float]
+    commander: str
+    motion: _containers.RepeatedCompositeFieldContainer[MotionState]
+    def __init__(self, now_ns: _Optional[int] = ..., cycle: _Optional[int] = ..., operation_mode: _Optional[int] = ..., measured_position: _Optional[_Iterable[float]] = ..., commanded_position: _Optional[_Iterable[float]] = ..., measured_torque: _Optional[_Iterable[float]] = ..., external_torque: _Optional[_Iterable[float]] = ..., commander: _Optional[str] = ..., motion: _Optional[_Iterable[_Union[MotionState, _Mapping]]] = ...) -> None: ...
+
+class MotionState(_message.Message):
+    __slots__ = ("motion", "kind", "phase", "interpolator", "destination", "destination_at_ns", "remaining_s", "goals_reached", "received", "superseded", "executed", "executed_at_ns")
+    MOTION_FIELD_NUMBER: _ClassVar[int]
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    PHASE_FIELD_NUMBER: _ClassVar[int]
+    INTERPOLATOR_FIELD_NUMBER: _ClassVar[int]
+    DESTINATION_FIELD_NUMBER: _ClassVar[int]
+    DESTINATION_AT_NS_FIELD_NUMBER: _ClassVar[int]
+    REMAINING_S_FIELD_NUMBER: _ClassVar[int]
+    GOALS_REACHED_FIELD_NUMBER: _ClassVar[int]
+    RECEIVED_FIELD_NUMBER: _ClassVar[int]
+    SUPERSEDED_FIELD_NUMBER: _ClassVar[int]
+    EXECUTED_FIELD_NUMBER: _ClassVar[int]
+    EXECUTED_AT_NS_FIELD_NUMBER: _ClassVar[int]
+    motion: int
+    kind: MotionKind
+    phase: MotionPhase
+    interpolator: FineInterpolatorState
+    destination: _containers.RepeatedScalarFieldContainer[float]
+    destination_at_ns: int
+    remaining_s: float
+    goals_reached: int
+    received: int
+    superseded: int
+    executed: int
+    executed_at_ns: int
+    def __init__(self, motion: _Optional[int] = ..., kind: _Optional[_Union[MotionKind, str]] = ..., phase: _Optional[_Union[MotionPhase, str]] = ..., interpolator: _Optional[_Union[FineInterpolatorState, str]] = ..., destination: _Optional[_Iterable[float]] = ..., destination_at_ns: _Optional[int] = ..., remaining_s: _Optional[float] = ..., goals_reached: _Optional[int] = ..., received: _Optional[int] = ..., superseded: _Optional[int] = ..., executed: _Optional[int] = ..., executed_at_ns: _Optional[int] = ...) -> None: ...
+
+class Report(_message.Message):
+    __slots__ = ("number", "at_ns", "done", "goal", "ended")
+    NUMBER_FIELD_NUMBER: _ClassVar[int]
+    AT_NS_FIELD_NUMBER: _ClassVar[int]
+    DONE_FIELD_NUMBER: _ClassVar[int]
+    GOAL_FIELD_NUMBER: _ClassVar[int]
+    ENDED_FIELD_NUMBER: _ClassVar[int]
+    number: int
+    at_ns: int
+    done: RequestDone
+    goal: GoalReached
+    ended: MotionEnded
+    def __init__(self, number: _Optional[int] = ..., at_ns: _Optional[int] = ..., done: _Optional[_Union[RequestDone, _Mapping]] = ..., goal: _Optional[_Union[GoalReached, _Mapping]] = ..., ended: _Optional[_Union[MotionEnded, _Mapping]] = ...) -> None: ...
+
+class RequestDone(_message.Message):
+    __slots__ = ("request", "error", "reason", "detail")
+    REQUEST_FIELD_NUMBER: _ClassVar[int]
+    ERROR_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    DETAIL_FIELD_NUMBER: _ClassVar[int]
+    request: int
+    error: RequestError
+    reason: str
+    detail: str
+    def __init__(self, request: _Optional[int] = ..., error: _Optional[_Union[RequestError, str]] = ..., reason: _Optional[str] = ..., detail: _Optional[str] = ...) -> None: ...
+
+class GoalReached(_message.Message):
+    __slots__ = ("motion", "state", "position")
+    MOTION_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    POSITION_FIELD_NUMBER: _ClassVar[int]
+    motion: int
+    state: FineInterpolatorState
+    position: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, motion: _Optional[int] = ..., state: _Optional[_Union[FineInterpolatorState, str]] = ..., position: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class MotionEnded(_message.Message):
+    __slots__ = ("motion", "end", "reason", "detail")
+    MOTION_FIELD_NUMBER: _ClassVar[int]
+    END_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    DETAIL_FIELD_NUMBER: _ClassVar[int]
+    motion: int
+    end: MotionEnd
+    reason: str
+    detail: str
+    def __init__(self, motion: _Optional[int] = ..., end: _Optional[_Union[MotionEnd, str]] = ..., reason: _Optional[str] = ..., detail: _Optional[str] = ...) -> None: ...

@@ -1,0 +1,228 @@
+"""The packets of nearly every cycle: commands with one new destination or none, and states.
+
+Both ends write them as the layouts here. What is read here is what protobuf would read, and a test holds both ways
+equal on whole and on broken bytes; anything else is None and goes the ordinary way. A command with a destination is
+read in 5 us instead of 16, a state with a motion in 15 instead of 28.
+"""
+
+from typing import Final
+
+from hil.values.servo import (
+    MAX_COMMANDER_BYTES,
+    MAX_MOTIONS_IN_PACKET,
+    MAX_REPORTS_IN_PACKET,
+    PROTOCOL_VERSION,
+    Command,
+    MotionState,
+    RequestDone,
+    RequestError,
+    SetDestination,
+    Snapshot,
+    State,
+)
+from transport.servo.fields import INTERPOLATORS, KINDS, PHASES
+from transport.servo.layout import Layout
+
+_SEVEN: Final = 7
+_LOW: Final = 0x7F
+_MORE: Final = 0x80
+
+_VERSION: Final = b"\x0a\x1d\x08" + bytes((PROTOCOL_VERSION,)) + b"\x11"
+_HEADER_PARTS: Final = (_VERSION, "Q", b"\x19", "Q", b"\x21", "Q")
+_HEADER: Final = Layout(*_HEADER_PARTS)
+"""Packet.header: token, sequence, reflected sequence."""
+_POSITION: Final = (b"\x12\x3a\x0a\x38", "7d")
+_VELOCITY: Final = (b"\x1a\x3a\x0a\x38", "7d")
+_NO_REQUEST: Final = Layout(*_HEADER_PARTS, b"\x2a\x0b\x09", "Q", b"\x10", "B")
+"""A command: header, reports seen, whether a state is wanted."""
+_DESTINATION: Final = Layout(
+    *_HEADER_PARTS, b"\x2a\x5d\x09", "Q", b"\x10", "B", b"\x1a\x50\x09", "Q", b"\x1a\x45\x09", "Q", *_POSITION
+)  # fmt: skip
+"""And a request for a new destination: number, motion, position."""
+_VELOCITY_TOO: Final = Layout(
+    *_HEADER_PARTS, b"\x2a\x9b\x01\x09", "Q", b"\x10", "B", b"\x1a\x8d\x01\x09", "Q", b"\x1a\x81\x01\x09", "Q",
+    *_POSITION, *_VELOCITY,
+)  # fmt: skip
+_COMMANDS: Final = {layout.size: layout for layout in (_NO_REQUEST, _DESTINATION, _VELOCITY_TOO)}
+
+_SNAPSHOT_PARTS: Final = (
+    b"\x09", "q", b"\x11", "Q", b"\x1d", "I", b"\x22\x38", "7d", b"\x2a\x38", "7d", b"\x32\x38", "7d", b"\x3a\x38", "7d"
+)  # fmt: skip
+_SNAPSHOT: Final = Layout(*_SNAPSHOT_PARTS)
+"""A snapshot up to the commander: time, cycle, operation mode, the four vectors."""
+_STATE_HEAD: Final = Layout(*_HEADER_PARTS, b"\x3a", "2B", b"\x09", "Q")
+"""A state up to the snapshot: header, length, requests done."""
+STATE_HEAD_BYTES: Final = _STATE_HEAD.size
+_STATE: Final = Layout(*_HEADER_PARTS, b"\x3a", "2B", b"\x09", "Q", b"\x12", "2B", *_SNAPSHOT_PARTS)
+_STATE_START: Final = _HEADER.size + 3
+_SNAPSHOT_START: Final = _STATE.size - _SNAPSHOT.size
+COMMANDER: Final = b"\x42"
+_MOTION: Final = Layout(
+    b"\x4a\x88\x01\x09", "Q", b"\x10", "B", b"\x18", "B", b"\x20", "B", b"\x2a\x38", "7d", b"\x31", "q", b"\x39", "d",
+    b"\x41", "Q", b"\x49", "Q", b"\x51", "Q", b"\x59", "Q", b"\x61", "q",
+)  # fmt: skip
+"""Snapshot.motion, field by field."""
+_REQUEST_TAKEN: Final = Layout(b"\x1a\x1f\x09", "Q", b"\x11", "q", b"\x1a\x0b\x09", "Q", b"\x10\x00")
+"""State.report of a request that was taken: number, time, request."""
+
+
+def read_command(packet: bytes) -> Command | None:
+    """Return the command in ``packet``, if it asks for one destination or for none."""
+    layout = _COMMANDS.get(len(packet))
+    numbers = None if layout is None else layout.unpack(packet)
+    if numbers is None or numbers[4] > 1:
+        return None
+    requests: tuple[SetDestination, ...] = ()
+    if layout is _DESTINATION:
+        requests = (SetDestination(numbers[5], numbers[6], numbers[7:]),)
+    elif layout is _VELOCITY_TOO:
+        requests = (SetDestination(numbers[5], numbers[6], numbers[7:14], numbers[14:]),)
+    return Command(numbers[0], numbers[1], numbers[2], numbers[3], numbers[4] == 1, requests)
+
+
+def write_header(command: Command) -> bytes:
+    """Return the header of a command."""
+    return _HEADER.pack(
+        _VERSION, command.token, b"\x19", command.sequence, b"\x21", command.reflected_sequence
+    )  # fmt: skip
+
+
+def write_command(command: Command) -> bytes | None:
+    """Return the packet of a command, if it asks for one destination or for none."""
+    token, sequence, reflected, seen, wanted, requests = command
+    header = (_VERSION, token, b"\x19", sequence, b"\x21", reflected)
+    if not requests:
+        return _NO_REQUEST.pack(*header, b"\x2a\x0b\x09", seen, b"\x10", wanted)
+    request = requests[0]
+    if len(requests) > 1 or not isinstance(request, SetDestination):
+        return None
+    number, motion, position, velocity = request
+    if position is None or len(position) != _SEVEN:
+        return None
+    if velocity is None:
+        return _DESTINATION.pack(
+            *header, b"\x2a\x5d\x09", seen, b"\x10", wanted, b"\x1a\x50\x09", number, b"\x1a\x45\x09", motion,
+            _POSITION[0], *position,
+        )  # fmt: skip
+    if len(velocity) != _SEVEN:
+        return None
+    return _VELOCITY_TOO.pack(
+        *header, b"\x2a\x9b\x01\x09", seen, b"\x10", wanted, b"\x1a\x8d\x01\x09", number, b"\x1a\x81\x01\x09", motion,
+        _POSITION[0], *position, _VELOCITY[0], *velocity,
+    )  # fmt: skip
+
+
+def read_state(packet: bytes) -> State | None:
+    """Return the state in ``packet``, if its motions all have destinations and its reports are of requests taken."""
+    numbers = _STATE.unpack(packet)
+    if numbers is None or _STATE_START + _length(numbers[3], numbers[4]) != len(packet):
+        return None
+    end = _SNAPSHOT_START + _length(numbers[6], numbers[7])
+    told = _read_commander(packet, _STATE.size)
+    if told is None or end > len(packet):
+        return None
+    motions, reports = _read_motions(packet, told[1], end), _read_reports(packet, end)
+    if motions is None or reports is None:
+        return None
+    snapshot = Snapshot(
+        numbers[8],
+        numbers[9],
+        numbers[10],
+        numbers[11:18],
+        numbers[18:25],
+        numbers[25:32],
+        numbers[32:],
+        told[0],
+        motions,
+    )
+    return State(numbers[0], numbers[1], numbers[2], numbers[5], snapshot, reports)
+
+
+def write_state(state: State, snapshot: bytes, reports: bytes) -> bytes:
+    """Return the packet of a state, whose snapshot and reports are written already."""
+    length = STATE_HEAD_BYTES - _STATE_START + len(snapshot) + len(reports)
+    head = _STATE_HEAD.pack(
+        _VERSION, state.token, b"\x19", state.sequence, b"\x21", state.reflected_sequence,
+        b"\x3a", length & _LOW | _MORE, length >> 7, b"\x09", state.requests_done,
+    )  # fmt: skip
+    return b"".join((head, snapshot, reports))
+
+
+def write_snapshot(snapshot: Snapshot) -> bytes | None:
+    """Return a snapshot up to the commander, if it is of an arm with seven axes."""
+    measured, commanded = snapshot.measured_position, snapshot.commanded_position
+    torque, external = snapshot.measured_torque, snapshot.external_torque
+    if not len(measured) == len(commanded) == len(torque) == len(external) == _SEVEN:
+        return None
+    return _SNAPSHOT.pack(
+        b"\x09", snapshot.now_ns, b"\x11", snapshot.cycle, b"\x1d", snapshot.operation_mode,
+        b"\x22\x38", *measured, b"\x2a\x38", *commanded, b"\x32\x38", *torque, b"\x3a\x38", *external,
+    )  # fmt: skip
+
+
+def write_motion(motion: MotionState) -> bytes | None:
+    """Return a motion of a snapshot, if it has a destination."""
+    if len(motion.destination) != _SEVEN:
+        return None
+    (
+        number, kind, phase, interpolator, destination, destination_at_ns, remaining_s, goals_reached,
+        received, superseded, executed, executed_at_ns,
+    ) = motion  # fmt: skip
+    return _MOTION.pack(
+        b"\x4a\x88\x01\x09", number, b"\x10", kind, b"\x18", phase, b"\x20", interpolator, b"\x2a\x38", *destination,
+        b"\x31", destination_at_ns, b"\x39", remaining_s, b"\x41", goals_reached, b"\x49", received,
+        b"\x51", superseded, b"\x59", executed, b"\x61", executed_at_ns,
+    )  # fmt: skip
+
+
+def write_request_taken(done: RequestDone) -> bytes | None:
+    """Return the report of a request, if it was taken and there is nothing more to say."""
+    if done.error is not RequestError.NONE or done.reason or done.detail:
+        return None
+    return _REQUEST_TAKEN.pack(
+        b"\x1a\x1f\x09", done.number, b"\x11", done.at_ns, b"\x1a\x0b\x09", done.request, b"\x10\x00"
+    )
+
+
+def _read_commander(packet: bytes, at: int) -> tuple[str, int] | None:
+    """Return the commander, empty if none is said, and where the motions begin."""
+    if packet[at : at + 1] != COMMANDER:
+        return "", at
+    start = at + 2
+    end = start + packet[at + 1] if start <= len(packet) else start
+    if end - start > MAX_COMMANDER_BYTES:
+        return None
+    try:
+        return packet[start:end].decode(), end
+    except UnicodeDecodeError:
+        return None
+
+
+def _read_motions(packet: bytes, at: int, end: int) -> tuple[MotionState, ...] | None:
+    motions: list[MotionState] = []
+    while at < end:
+        numbers = _MOTION.unpack(packet, at)
+        if numbers is None:
+            return None
+        at += _MOTION.size
+        kind, phase, interpolator = KINDS.get(numbers[1]), PHASES.get(numbers[2]), INTERPOLATORS.get(numbers[3])
+        if kind is None or phase is None or interpolator is None:
+            return None
+        motions.append(MotionState(numbers[0], kind, phase, interpolator, numbers[4:11], *numbers[11:]))
+    return tuple(motions) if at == end and len(motions) <= MAX_MOTIONS_IN_PACKET else None
+
+
+def _read_reports(packet: bytes, at: int) -> tuple[RequestDone, ...] | None:
+    reports: list[RequestDone] = []
+    while at < len(packet):
+        numbers = _REQUEST_TAKEN.unpack(packet, at)
+        if numbers is None:
+            return None
+        at += _REQUEST_TAKEN.size
+        reports.append(RequestDone(numbers[0], numbers[2], numbers[1]))
+    return tuple(reports) if len(reports) <= MAX_REPORTS_IN_PACKET else None
+
+
+def _length(low: int, high: int) -> int:
+    """Return the length that two bytes say; -1 where they are no varint of two bytes."""
+    return low & _LOW | high << 7 if low >= _MORE > high else -1
