@@ -11,11 +11,12 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 
 import pytest
-from ruckig import Result
+from ruckig import InputParameter, Result, Ruckig, Synchronization, Trajectory
 
 from backends.ideal import IdealBackend
 from hil.client.servo import (
     AsyncDirectServo,
+    AsyncPTP,
     AsyncServoClient,
     AsyncSmartServo,
     CommandInvalidException,
@@ -31,6 +32,8 @@ from hil.runtime.assembly import RobotParts, link_addresses, open_parts
 from hil.runtime.clock import MonotonicClock, unix_time_ns
 from hil.runtime.robot_process import RobotProcess
 from hil.values.arm import JointCommand
+from hil.values.motion import MotionParameters
+from hil.values.servo import Request, RequestDone, RequestError, SetDestination
 from tests.support.processes import own_host
 
 DEGREE = math.pi / 180
@@ -70,8 +73,8 @@ async def connected() -> AsyncIterator[AsyncServoClient]:
         process.close()
 
 
-async def start_position(robot: AsyncServoClient) -> tuple[float, ...]:
-    return (await robot.read_state()).measured_position
+def start_position(robot: AsyncServoClient) -> tuple[float, ...]:
+    return robot.read_state().measured_position
 
 
 async def refused(what: Awaitable[object], reason: str) -> CommandInvalidException:
@@ -98,7 +101,7 @@ Change = Callable[[tuple[float, ...]], tuple[float, ...]]
 )
 async def test_smart_servo_destinations_that_cannot_be(change: Change, reason: str) -> None:
     async with connected() as robot:
-        start = await start_position(robot)
+        start = start_position(robot)
         motion = AsyncSmartServo((0.5, *start[1:]))
         await robot.move_async(motion)
         runtime = await motion.get_runtime()
@@ -132,7 +135,7 @@ async def _until_moving(runtime: object) -> None:
 )
 async def test_direct_servo_destinations_that_cannot_be(change: Change, reason: str) -> None:
     async with connected() as robot:
-        start = await start_position(robot)
+        start = start_position(robot)
         motion = AsyncDirectServo()
         await robot.move_async(motion)
         runtime = await motion.get_runtime()
@@ -142,7 +145,7 @@ async def test_direct_servo_destinations_that_cannot_be(change: Change, reason: 
 
 async def test_direct_servo_out_of_its_axis_range() -> None:
     async with connected() as robot:
-        start = await start_position(robot)
+        start = start_position(robot)
         end = 175 * DEGREE
         smart = AsyncSmartServo((*start[:6], end - DEGREE))
         smart.set_joint_jerk(500).override_joint_acceleration(20)
@@ -159,7 +162,7 @@ async def test_direct_servo_out_of_its_axis_range() -> None:
 
 async def test_a_target_velocity_beyond_the_axis() -> None:
     async with connected() as robot:
-        start = await start_position(robot)
+        start = start_position(robot)
         motion = AsyncSmartServo()
         await robot.move_async(motion)
         runtime = await motion.get_runtime()
@@ -169,7 +172,7 @@ async def test_a_target_velocity_beyond_the_axis() -> None:
 
 async def test_a_target_velocity_for_direct_servo_is_refused_at_the_call() -> None:
     async with connected() as robot:
-        start = await start_position(robot)
+        start = start_position(robot)
         motion = AsyncDirectServo()
         await robot.move_async(motion)
         runtime = await motion.get_runtime()
@@ -187,7 +190,7 @@ async def test_an_arm_that_cannot_follow(monkeypatch: pytest.MonkeyPatch) -> Non
 
     monkeypatch.setattr(robot_process, "open_parts", stuck)
     async with connected() as robot:
-        start = await start_position(robot)
+        start = start_position(robot)
         motion = AsyncSmartServo((0.8, *start[1:]))
         await robot.move_async(motion)
         runtime = await motion.get_runtime()
@@ -202,7 +205,7 @@ async def test_an_arm_that_cannot_follow(monkeypatch: pytest.MonkeyPatch) -> Non
 
 async def test_a_time_that_is_too_long() -> None:
     async with connected() as robot:
-        start = await start_position(robot)
+        start = start_position(robot)
         motion = AsyncSmartServo((1.0, *start[1:])).set_joint_velocity_rel(1e-6)
         await robot.move_async(motion)
         await refused(motion.get_runtime(), "interpolation error: ERROR_EXECUTION_TIME_TOO_BIG")
@@ -229,20 +232,78 @@ async def test_internal_errors_of_the_interpolator(
             return result
 
     async with connected() as robot:
-        start = await start_position(robot)
+        start = start_position(robot)
         monkeypatch.setattr(planner, "Ruckig", Broken)
         motion = AsyncSmartServo((0.5, *start[1:]))
         await robot.move_async(motion)
-        with pytest.raises(CommandInvalidException) as caught:
+
+        async def watch() -> None:
             runtime = await motion.get_runtime()
             while True:
                 await runtime.update_with_realtime_system()
-        assert str(caught.value) == f"Command is no longer active, because {reason}"
+
+        await refused(asyncio.wait_for(watch(), 10), reason)
+
+
+async def asked(robot: AsyncServoClient, make: Callable[[int], Request]) -> RequestDone:
+    """Ask for what the client library would have refused at the call, and return what became of it."""
+    pending = robot.session.ask(make)
+    while pending.done is None:
+        await robot.wait_for_state()
+    return pending.done
+
+
+@pytest.mark.parametrize(
+    ("parameters", "reason"),
+    [
+        (MotionParameters(acceleration_override=21.0), "interpolation error: RML_ERROR_OVERRIDE_OUT_OF_RANGE"),
+        (MotionParameters(joint_velocity_rel=1.01), "interpolation error: RML_ERROR_OVERRIDE_OUT_OF_RANGE"),
+        (MotionParameters(minimum_execution_time_s=-0.1), "interpolation error: RML_ERROR_USER_TIME_OUT_OF_RANGE"),
+    ],
+)
+async def test_parameters_no_client_of_ours_would_send(parameters: MotionParameters, reason: str) -> None:
+    async with connected() as robot:
+        motion = AsyncSmartServo(start_position(robot))
+        motion.parameters = parameters
+        await robot.move_async(motion)
+        error = await refused(motion.get_runtime(), reason)
+        assert error.detail
+
+
+async def test_a_destination_no_client_of_ours_would_send() -> None:
+    async with connected() as robot:
+        motion = AsyncSmartServo()
+        await robot.move_async(motion)
+        runtime = await motion.get_runtime()
+        number = next(iter(robot.session.motions))
+        done = await asked(robot, lambda request: SetDestination(request, number, None))
+        assert (done.error, done.reason) == (
+            RequestError.COMMAND_INVALID,
+            "interpolation error: ERROR_NULL_POINTER",
+        )
+        await refused(runtime.update_with_realtime_system(), "interpolation error: ERROR_NULL_POINTER")
+
+
+async def test_a_ptp_that_would_leave_its_straight_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Crooked:
+        def __init__(self, joints: int, cycle_s: float) -> None:
+            self._solver = Ruckig(joints, cycle_s)
+
+        def calculate(self, request: InputParameter, trajectory: Trajectory) -> Result:
+            request.synchronization = Synchronization.No
+            request.max_velocity = [0.5] * 7
+            return self._solver.calculate(request, trajectory)
+
+    async with connected() as robot:
+        start = start_position(robot)
+        monkeypatch.setattr(planner, "Ruckig", Crooked)
+        motion = AsyncPTP((0.4, start[1] + 0.1, *start[2:]))
+        await refused(robot.move(motion), "interpolation error: ERROR_NO_PHASE_SYNCHRONIZATION")
 
 
 async def test_runtime_before_and_long_after() -> None:
     async with connected() as robot:
-        start = await start_position(robot)
+        start = start_position(robot)
         early = AsyncSmartServo()
         with pytest.raises(IllegalStateException) as caught:
             await early.get_runtime()

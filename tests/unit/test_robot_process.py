@@ -111,7 +111,7 @@ async def test_a_failing_robot_side_ends_the_run_with_its_error(monkeypatch: pyt
         parts.backend.close()
         backend = Failing(parts.description)
         backend.open(period_ns=MS)
-        return RobotParts(parts.description, parts.model, backend)
+        return RobotParts(parts.description, parts.model, backend, parts.servo_codec)
 
     monkeypatch.setattr(robot_process, "open_parts", failing_parts)
     process, _ = await run(monkeypatch, config(), [1], stop_after=1000)

@@ -3,7 +3,6 @@
 import itertools
 
 import pytest
-from transport.servo import ServoCodec
 
 from hil.core.events import ApplicationJoined, ApplicationLeft, ArmStopped
 from hil.core.servo.link import MAX_ANSWERS
@@ -25,6 +24,7 @@ from hil.values.servo import (
     Welcome,
 )
 from tests.support.servo_virtual import COMMANDER, OTHER, Application, ServoBench, offset
+from transport.servo import ServoCodec
 
 KEY = b"k" * 32
 
@@ -107,7 +107,7 @@ def test_state_packets_are_numbered_and_reflect_the_application() -> None:
 )
 def test_a_hello_that_cannot_be_served_is_told_why(change: dict[str, int], sentence: str) -> None:
     application = Application(ServoBench())
-    application.hello_packet = application.hello_packet._replace(**change)
+    application.hello_packet = application.hello_packet._replace(**change)  # type: ignore[arg-type]  # all of these are numbers
     answer = application.hello()
     assert isinstance(answer, Refused)
     assert sentence in answer.reason

@@ -3,10 +3,12 @@
 import heapq
 import itertools
 import random
+from functools import partial
 
 import pytest
 
 from hil.client.servo.session import ServoSession
+from hil.core.servo.link import SERVO_LINK
 from hil.values.link import Address, Source
 from hil.values.motion import MotionEnd, MotionKind, MotionParameters
 from hil.values.servo import (
@@ -18,7 +20,7 @@ from hil.values.servo import (
     StartMotion,
     StopMotion,
 )
-from tests.support.servo_virtual import MS, SERVO_LINK, ServoBench, offset
+from tests.support.servo_virtual import MS, ServoBench, offset
 from transport.servo import ServoCodec
 
 CLIENT = Address("127.0.0.1", 40100)
@@ -97,7 +99,8 @@ class Pair:
 
 def play(pair: Pair) -> list[object]:
     """Run a programme of motions; return every outcome that does not depend on time."""
-    session, outcomes = pair.session, []
+    session = pair.session
+    outcomes: list[object] = []
     start = pair.bench.description.initial_position_rad
     pair.run_until(lambda: session.running)
 
@@ -113,7 +116,7 @@ def play(pair: Pair) -> list[object]:
     record = session.motions[one]
     for step in range(1, 6):
         goal = offset(start, A1=0.02 * step)
-        ask(lambda number, goal=goal: SetDestination(number, one, goal))
+        ask(partial(SetDestination, motion=one, position=goal))
     pair.run_until(lambda: pair.bench.commanded(0)[-1] == start[0] + 0.02 * 5)
     ask(lambda number: SetRuntimeParameters(number, one, minimum_execution_time_s=0.1))
     two = ask(lambda number: StartMotion(number, MotionKind.DIRECT_SERVO, fast, None))
@@ -163,7 +166,7 @@ def test_a_thousand_destinations_a_second_lose_none_that_is_not_superseded() -> 
     asked = 5000
     for index in range(asked):
         goal = offset(start, A1=1e-5 * index)
-        session.ask(lambda number, goal=goal: SetDestination(number, motion, goal))
+        session.ask(partial(SetDestination, motion=motion, position=goal))
         pair.cycle()
     pair.run_until(lambda: not session.requests)
     pair.run_until(lambda: pair.bench.commanded(0)[-1] == start[0] + 1e-5 * (asked - 1))

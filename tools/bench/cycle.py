@@ -158,6 +158,7 @@ def bench_cycle(
     recording = _record(config, client, cycles)
     whole = _measure_whole(config, recording, client, progress)
     stages = _measure_stages(config, recording, client, progress)
+    gc.unfreeze()
     return CycleReport(
         robot=config.model,
         backend=config.backend,

@@ -56,7 +56,7 @@ def read_ended(wire: servo_pb2.Packet) -> Ended:
 
 
 def write_hello(packet: Hello, *, fill_bytes: int) -> bytes:
-    """Return a hello, filled up to at least ``fill_bytes``."""
+    """Return a hello, filled up to ``fill_bytes``, which must leave more than 130 to fill."""
     printable = "".join(character if character.isprintable() else "?" for character in packet.name)
     wire = servo_pb2.Packet(
         header=servo_pb2.Header(version=packet.version),
@@ -68,7 +68,10 @@ def write_hello(packet: Hello, *, fill_bytes: int) -> bytes:
             name=wire_text(printable, MAX_NAME_BYTES),
         ),
     )
-    wire.hello.padding = bytes(max(0, fill_bytes - wire.ByteSize() - 2))
+    missing = fill_bytes - wire.ByteSize()
+    wire.hello.padding = bytes(missing)
+    # Again without what its tag and the lengths around it took: both paddings have lengths of two bytes.
+    wire.hello.padding = bytes(missing - (wire.ByteSize() - fill_bytes))
     return wire.SerializeToString()
 
 

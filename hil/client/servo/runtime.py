@@ -63,9 +63,7 @@ class ServoRuntime:
 
     def is_destination_reached(self) -> bool:
         """Whether the interpolator has reached the last destination."""
-        motion = self._update.motion
-        # Within the reaction time of a new destination the interpolator still rests at the old one.
-        return motion.interpolator is not FineInterpolatorState.MOVING and motion.remaining_s <= 0.0
+        return self._update.motion.interpolator is not FineInterpolatorState.MOVING
 
     def has_fine_ipo_goal_reached(self) -> bool:
         """Whether the interpolator has reached the last destination: the same under its other name."""

@@ -2,18 +2,22 @@
 
 import math
 
-from ruckig import ControlInterface, InputParameter, Result, Ruckig, Synchronization, Trajectory
+from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError, Synchronization, Trajectory
 
+from hil.core.motion.axis_range import leaves_range
+from hil.core.motion.motion_limits import admissible
+from hil.core.motion.planner import Plan
 from hil.core.motion.set_point import STILL, SetPoint
 from hil.values.robot import JOINT_COUNT, JointLimits, Seven
 
 
 class Brake:
-    """Brakes from a set point with the rated deceleration and jerk.
+    """Brakes from a set point with the rated deceleration and jerk, from the acceleration it has where they can carry it.
 
-    Where that would leave an axis range, all axes decelerate harder instead, uniformly, so that the first axis stops
-    before its end: a drive that has to choose between its rated deceleration and its end stop chooses the former last.
-    With ``longest_s`` the deceleration is uniform and takes no longer than that; 0 stops within one cycle.
+    Where that would leave an axis range, the acceleration is dropped at once; where it still would, all axes decelerate
+    harder instead, uniformly, so that the first axis stops before its end: a drive that has to choose between its rated
+    deceleration and its end stop chooses the former last. With ``longest_s`` the deceleration is uniform and takes no
+    longer than that; 0 stops within one cycle.
     """
 
     def __init__(self, start: SetPoint, *, limits: JointLimits, cycle_s: float, longest_s: float | None = None) -> None:
@@ -22,12 +26,11 @@ class Brake:
         self._last = start
         self._limits = limits
         self._start = start
-        self._trajectory = None if longest_s is not None else self._jerk_limited(start)
-        if self._trajectory is None or self._leaves_range(self._trajectory):
-            self._trajectory = None
+        self._plan = self._jerk_limited() if longest_s is None else None
+        if self._plan is None:
             self.duration_s = min(self._uniform_duration(start), math.inf if longest_s is None else longest_s)
         else:
-            self.duration_s = self._trajectory.duration
+            self.duration_s = self._plan.duration_s
 
     @property
     def at_rest(self) -> bool:
@@ -39,43 +42,48 @@ class Brake:
         if self.at_rest:
             return SetPoint(self._last.position_rad, STILL)
         self._elapsed_s = min(self._elapsed_s + self._cycle_s, self.duration_s)
-        position = self._position(self._elapsed_s)
-        velocity: Seven = tuple(
-            (there - here) / self._cycle_s for there, here in zip(position, self._last.position_rad, strict=True)
-        )  # type: ignore[assignment]
-        self._last = SetPoint(position, velocity)
+        self._last = self._uniform(self._elapsed_s) if self._plan is None else self._plan.at(self._elapsed_s)
+        if self.at_rest:
+            self._last = SetPoint(self._last.position_rad, STILL)
         return self._last
 
-    def _position(self, at_s: float) -> Seven:
-        if self._trajectory is not None:
-            return tuple(self._trajectory.at_time(at_s)[0])
-        share = at_s - at_s * at_s / (2 * self.duration_s)
-        return tuple(
-            here + speed * share
-            for here, speed in zip(self._start.position_rad, self._start.velocity_rad_s, strict=True)
-        )  # type: ignore[return-value]
+    def _uniform(self, at_s: float) -> SetPoint:
+        left = 1.0 - at_s / self.duration_s
+        share = 0.5 * at_s * (1.0 + left)
+        velocity = self._start.velocity_rad_s
+        return SetPoint(
+            tuple(here + speed * share for here, speed in zip(self._start.position_rad, velocity, strict=True)),  # type: ignore[arg-type]
+            tuple(speed * left for speed in velocity),  # type: ignore[arg-type]
+            tuple(-speed / self.duration_s for speed in velocity),  # type: ignore[arg-type]
+        )
 
-    def _jerk_limited(self, start: SetPoint) -> Trajectory | None:
+    def _jerk_limited(self) -> Plan | None:
+        carried = admissible(self._start, self._limits)
+        for start in (carried, carried._replace(acceleration_rad_s2=STILL)):
+            plan = self._planned(start)
+            if plan is not None:
+                return plan
+        return None
+
+    def _planned(self, start: SetPoint) -> Plan | None:
         request = InputParameter(JOINT_COUNT)
         request.control_interface = ControlInterface.Velocity
         request.synchronization = Synchronization.Phase
-        request.current_position = list(start.position_rad)
-        request.current_velocity = list(start.velocity_rad_s)
-        request.current_acceleration = list(STILL)
-        request.target_velocity = list(STILL)
-        request.target_acceleration = list(STILL)
-        request.max_acceleration = list(self._limits.acceleration_rad_s2)
-        request.max_jerk = list(self._limits.jerk_rad_s3)
+        request.current_position, request.current_velocity, request.current_acceleration = start
+        request.target_velocity = STILL
+        request.target_acceleration = STILL
+        request.max_acceleration = self._limits.acceleration_rad_s2
+        request.max_jerk = self._limits.jerk_rad_s3
         trajectory = Trajectory(JOINT_COUNT)
-        result = Ruckig(JOINT_COUNT).calculate(request, trajectory)
-        return trajectory if result in (Result.Working, Result.Finished) else None
-
-    def _leaves_range(self, trajectory: Trajectory) -> bool:
-        end = trajectory.at_time(trajectory.duration)[0]
-        return any(
-            not self._limits.position_min_rad[axis] <= end[axis] <= self._limits.position_max_rad[axis]
-            for axis in range(JOINT_COUNT)
-        )
+        try:
+            result = Ruckig(JOINT_COUNT).calculate(request, trajectory)
+        except (RuckigError, ValueError):
+            return None
+        if result not in (Result.Working, Result.Finished):
+            return None
+        plan = Plan(trajectory)
+        fault = leaves_range(trajectory, start, plan.end.position_rad, limits=self._limits)
+        return plan if fault is None else None
 
     def _uniform_duration(self, start: SetPoint) -> float:
         """Return the longest time of a uniform deceleration that keeps every axis in range; at least one cycle."""

@@ -4,6 +4,7 @@ import math
 from collections import deque
 from typing import NamedTuple
 
+from hil.core.motion.axis_range import MARGIN_RAD
 from hil.core.motion.set_point import STILL
 from hil.values.motion import ErrorReason, Fault
 from hil.values.robot import JOINT_COUNT, JOINT_NAMES, JointLimits, Seven
@@ -18,6 +19,8 @@ class Destination(NamedTuple):
 
     position_rad: Seven
     velocity_rad_s: Seven
+    planned_rad: Seven
+    """The position, but so far inside the axis ranges that a way planned to it does not leave them."""
     arrived_ns: int
 
 
@@ -74,22 +77,30 @@ def not_well_formed(position: Vector | None, velocity: Vector | None) -> Fault |
     )
 
 
-def outside_range(position: Vector, *, limits: JointLimits, reason: ErrorReason) -> Fault | None:
-    """Return which axis of ``position`` is outside its range, as a fault of that ``reason``, or None."""
+def destination(
+    position: Vector, velocity: Vector | None, *, arrived_ns: int, limits: JointLimits, out_of_range: ErrorReason
+) -> Destination | Fault:
+    """Return the destination of well-formed vectors, or which axis is out of its range.
+
+    Without ``velocity`` it is reached standing still.
+    """
+    near_end = False
     axes = zip(JOINT_NAMES, position, limits.position_min_rad, limits.position_max_rad, strict=True)
     for name, value, low, high in axes:
-        if not low <= value <= high:
-            return Fault(reason, f"destination of {name} {value:.9g} rad is outside {low:.9g}..{high:.9g} rad")
-    return None
+        if not low + MARGIN_RAD <= value <= high - MARGIN_RAD:
+            if not low <= value <= high:
+                return Fault(
+                    out_of_range, f"destination of {name} {value:.9g} rad is outside {low:.9g}..{high:.9g} rad"
+                )
+            near_end = True
+    exact: Seven = tuple(position)  # type: ignore[assignment]  # there are seven
+    speed: Seven = STILL if velocity is None else tuple(velocity)  # type: ignore[assignment]
+    return Destination(exact, speed, _inside(exact, limits) if near_end else exact, arrived_ns)
 
 
-def destination(position: Vector, velocity: Vector | None, *, arrived_ns: int) -> Destination:
-    """Return the destination of well-formed vectors; without ``velocity`` it is reached standing still."""
-    return Destination(
-        tuple(position),  # type: ignore[arg-type]  # there are seven
-        STILL if velocity is None else tuple(velocity),  # type: ignore[arg-type]
-        arrived_ns,
-    )
+def _inside(position: Seven, limits: JointLimits) -> Seven:
+    axes = zip(position, limits.position_min_rad, limits.position_max_rad, strict=True)
+    return tuple(min(max(value, low + MARGIN_RAD), high - MARGIN_RAD) for value, low, high in axes)  # type: ignore[return-value]
 
 
 def _not_seven_numbers(what: str, values: Vector) -> Fault | None:

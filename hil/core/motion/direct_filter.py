@@ -80,20 +80,26 @@ class DirectFilter:
             # What this filter does itself always lets it stop inside the range; what it takes over may not.
             room = axis.high - here if velocity > 0.0 else here - axis.low
             self._held_back = self._held_back or velocity * velocity > axis.acceleration * room
+        self._allow(self._fastest)
         self.aim(tuple(goal), minimum_time_s=0.0)  # type: ignore[arg-type]  # there are seven
 
     def aim(self, goal_rad: Seven, *, minimum_time_s: float) -> None:
         """Go to ``goal_rad``; until ``minimum_time_s`` is over no faster than a steady motion would take that long."""
         self._goal = goal_rad
         self.at_goal = goal_rad == self.set_point.position_rad and self.set_point.velocity_rad_s == STILL
+        # Below this time the slope alone, which only falls on the way, is slower.
+        if minimum_time_s * self._slope <= 1.0:
+            self._slow_cycles = 0
+            if self._allowed is not self._fastest:
+                self._allow(self._fastest)
+            return
         self._slow_cycles = math.floor(minimum_time_s * self._rate + 1e-6)
-        allowed = self._fastest
-        if self._slow_cycles:
-            allowed = tuple(
+        self._allow(
+            tuple(
                 min(fastest, abs(there - here) / minimum_time_s)
                 for fastest, there, here in zip(self._fastest, goal_rad, self.set_point.position_rad, strict=True)
-            )  # type: ignore[assignment]
-        self._allow(allowed)
+            )  # type: ignore[arg-type]  # there are seven
+        )
 
     def advance(self) -> SetPoint:
         """Return the set point of the next cycle."""
@@ -128,7 +134,9 @@ class DirectFilter:
             accelerations.append((after - velocity) * rate)
         if settled:
             self.at_goal = True
-            self._held_back = False
+            if self._held_back:
+                self._held_back = False
+                self._allow(self._allowed)
             self.set_point = SetPoint(self._goal, STILL)
         else:
             self.set_point = SetPoint(tuple(positions), tuple(velocities), tuple(accelerations))  # type: ignore[arg-type]

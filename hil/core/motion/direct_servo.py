@@ -4,7 +4,7 @@ XXX
 """
 
 from hil.core.motion.application_motion import MotionBasis
-from hil.core.motion.destinations import Destination, outside_range
+from hil.core.motion.destinations import Destination
 from hil.core.motion.direct_filter import DirectFilter
 from hil.core.motion.fine_interpolator import Trigger
 from hil.core.motion.motion_limits import DIRECT_SERVO_CHECKS, direct_servo_limits
@@ -50,9 +50,6 @@ class DirectServo(ServoMotion):
         )
 
     def _unreachable(self, goal: Destination, measured_rad: Seven) -> Fault | None:
-        fault = outside_range(goal.position_rad, limits=self.basis.limits, reason=self.out_of_range)
-        if fault is not None:
-            return fault
         for axis, (there, here) in enumerate(zip(goal.position_rad, measured_rad, strict=True)):
             if not abs(there - here) <= DIRECT_SERVO_DELTA_RAD + _DELTA_TOLERANCE_RAD:
                 return Fault(

@@ -18,7 +18,7 @@ from ruckig import (
     Trajectory,
 )
 
-from hil.core.motion.axis_range import MARGIN_RAD, leaves_range
+from hil.core.motion.axis_range import leaves_range
 from hil.core.motion.motion_limits import bad_execution_time
 from hil.core.motion.set_point import STILL, SetPoint
 from hil.values.motion import ErrorReason, Fault
@@ -80,15 +80,14 @@ class Plan:
 class TrajectoryPlanner:
     """Plans within ``limits``; one for each motion, because what it works on is used again each time.
 
-    Ruckig meets a goal to 1e-8 rad; whoever follows a plan makes that good at its end. Start accelerations must be
-    admissible (:func:`hil.core.motion.motion_limits.admissible`).
+    Ruckig meets a goal to 1e-8 rad: whoever follows a plan makes that good at its end, and plans to no place that is
+    nearer than that to the end of a range. Start accelerations must be admissible
+    (:func:`hil.core.motion.motion_limits.admissible`).
     """
 
     def __init__(self, limits: JointLimits, *, cycle_s: float, solver: Solver | None = None) -> None:
         self._limits = limits
         self._solver: Solver = Ruckig(JOINT_COUNT, cycle_s) if solver is None else solver
-        self._lowest_rad = tuple(low + MARGIN_RAD for low in limits.position_min_rad)
-        self._highest_rad = tuple(high - MARGIN_RAD for high in limits.position_max_rad)
         self._to_goal = self._request()
         self._to_rest: InputParameter | None = None
 
@@ -114,7 +113,7 @@ class TrajectoryPlanner:
         request = self._to_goal
         arrives_moving = velocity_rad_s != STILL
         request.current_position, request.current_velocity, request.current_acceleration = start
-        request.target_position = self._inside(start, goal_rad)
+        request.target_position = goal_rad
         request.target_velocity = velocity_rad_s
         request.minimum_duration = minimum_time_s
         if arrives_moving:
@@ -134,8 +133,7 @@ class TrajectoryPlanner:
         Each axis gets the share of its limits that the axis with the most to do leaves it, so that all have the same
         profile, and the time is that of the slowest.
         """
-        inside = self._inside(start, goal_rad)
-        way = [_way(here, there) for here, there in zip(start.position_rad, inside, strict=True)]
+        way = [_way(here, there) for here, there in zip(start.position_rad, goal_rad, strict=True)]
         if not any(way):
             return self.to_goal(start, goal_rad, range_is_sure=True)
         request = self._request()
@@ -172,16 +170,6 @@ class TrajectoryPlanner:
             return plan
         end = plan.end.position_rad
         return leaves_range(trajectory, start, end, limits=self._limits, margin_rad=margin_rad) or plan
-
-    def _inside(self, start: SetPoint, goal_rad: Seven) -> tuple[float, ...]:
-        """Return a goal so far inside the range that the way to it, with Ruckig's precision, does not leave it."""
-        for there, low, high in zip(goal_rad, self._lowest_rad, self._highest_rad, strict=True):
-            if not low <= there <= high:
-                break
-        else:
-            return goal_rad
-        axes = zip(start.position_rad, goal_rad, self._lowest_rad, self._highest_rad, strict=True)
-        return tuple(there if there == here else min(max(there, low), high) for here, there, low, high in axes)
 
     def _request(self) -> InputParameter:
         request = InputParameter(JOINT_COUNT)

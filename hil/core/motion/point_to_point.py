@@ -7,7 +7,7 @@ may be left early, for the next one, once it has less than its share of the way 
 
 from hil.core.motion.application_motion import Accounting, ApplicationMotion, MotionBasis
 from hil.core.motion.course import PlannedCourse
-from hil.core.motion.destinations import Destination, destination, not_well_formed, outside_range
+from hil.core.motion.destinations import Destination, destination, not_well_formed
 from hil.core.motion.fine_interpolator import Trigger, next_state
 from hil.core.motion.motion_limits import POINT_TO_POINT_CHECKS, admissible, bad_parameter, point_to_point_limits
 from hil.core.motion.planner import Plan, TrajectoryPlanner
@@ -48,10 +48,15 @@ class PointToPoint(ApplicationMotion):
         )
         if fault is not None or self._initial_destination is None:
             return fault
-        fault = outside_range(self._initial_destination, limits=self.basis.limits, reason=ErrorReason.POSITIONAL_LIMITS)
-        if fault is not None:
-            return fault
-        point = destination(self._initial_destination, None, arrived_ns=now_ns)
+        point = destination(
+            self._initial_destination,
+            None,
+            arrived_ns=now_ns,
+            limits=self.basis.limits,
+            out_of_range=ErrorReason.POSITIONAL_LIMITS,
+        )
+        if isinstance(point, Fault):
+            return point
         planned = self._plan(start, point)
         if isinstance(planned, Fault):
             return planned
@@ -101,5 +106,5 @@ class PointToPoint(ApplicationMotion):
         limits = point_to_point_limits(self.basis, self.parameters)
         planner = TrajectoryPlanner(limits, cycle_s=self._cycle_s)
         if start.velocity_rad_s == STILL and start.acceleration_rad_s2 == STILL:
-            return planner.along_line(start, point.position_rad)
-        return planner.to_goal(admissible(start, limits), point.position_rad)
+            return planner.along_line(start, point.planned_rad)
+        return planner.to_goal(admissible(start, limits), point.planned_rad)

@@ -9,7 +9,7 @@ end while a destination waits.
 from abc import abstractmethod
 
 from hil.core.motion.application_motion import Accounting, ApplicationMotion, MotionBasis
-from hil.core.motion.destinations import Destination, DestinationLine, destination, not_well_formed, outside_range
+from hil.core.motion.destinations import Destination, DestinationLine, destination, not_well_formed
 from hil.core.motion.fine_interpolator import Trigger, next_state
 from hil.core.motion.motion_limits import Checks, bad_execution_time, bad_parameter
 from hil.core.motion.set_point import SetPoint
@@ -59,7 +59,10 @@ class ServoMotion(ApplicationMotion):
             fault = not_well_formed(self._initial_destination, None)
             if fault is not None:
                 return fault
-            goal = destination(self._initial_destination, None, arrived_ns=now_ns)
+            made = self._destination(self._initial_destination, None, now_ns)
+            if isinstance(made, Fault):
+                return made
+            goal = made
         self._begun = True
         self._prepare()
         if goal is not None:
@@ -79,17 +82,17 @@ class ServoMotion(ApplicationMotion):
             return fault
         if velocity is not None and not self.takes_velocity:
             return Fault(ErrorReason.INVALID_INPUT_VALUES, "only SmartServo takes a target velocity")
-        goal = destination(position, velocity, arrived_ns=arrived_ns)
+        goal = self._destination(position, velocity, arrived_ns)
+        if isinstance(goal, Fault):
+            return goal
         if self._begun:
             fault = self._unreachable(goal, measured_rad)
             if fault is not None:
                 return fault
             self._count_received(superseded=int(self._line.add(goal)))
-            self.interpolator = next_state(self.interpolator, Trigger.DESTINATION_SET)
+            if self.interpolator is not FineInterpolatorState.MOVING:
+                self.interpolator = next_state(self.interpolator, Trigger.DESTINATION_SET)
         else:
-            fault = outside_range(goal.position_rad, limits=self.basis.limits, reason=self.out_of_range)
-            if fault is not None:
-                return fault
             self._count_received(superseded=self.accounting.received - self.accounting.superseded)
             self._first_goal = goal
         self.destination, self.destination_at_ns = goal.position_rad, arrived_ns
@@ -144,6 +147,11 @@ class ServoMotion(ApplicationMotion):
     @abstractmethod
     def _next(self, now_ns: int) -> SetPoint | Fault:
         """Return the set point of this cycle."""
+
+    def _destination(self, position: Vector, velocity: Vector | None, arrived_ns: int) -> Destination | Fault:
+        return destination(
+            position, velocity, arrived_ns=arrived_ns, limits=self.basis.limits, out_of_range=self.out_of_range
+        )
 
     def _goal_reached(self, trigger: Trigger, now_ns: int) -> None:
         """The destination is reached, unless a newer one is on its way; a stop at a take-over is no destination."""

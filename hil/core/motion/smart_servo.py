@@ -15,7 +15,7 @@ from enum import Enum
 
 from hil.core.motion.application_motion import MotionBasis
 from hil.core.motion.course import CoastingCourse, Course, PlannedCourse
-from hil.core.motion.destinations import Destination, outside_range
+from hil.core.motion.destinations import Destination
 from hil.core.motion.fine_interpolator import Trigger, next_state
 from hil.core.motion.motion_limits import SMART_SERVO_CHECKS, admissible, smart_servo_limits
 from hil.core.motion.planner import Plan, TrajectoryPlanner
@@ -38,7 +38,11 @@ class Leg(Enum):
 
 
 class SmartServo(ServoMotion):
-    """Plans anew, from the set point of the cycle before, whenever a destination is due."""
+    """Plans anew, from the set point of the cycle before, whenever a destination is due.
+
+    The destination that is under way anyway, sent once more, changes nothing; it would not arrive if its minimum
+    execution time began again each time.
+    """
 
     kind = MotionKind.SMART_SERVO
     checks = SMART_SERVO_CHECKS
@@ -54,6 +58,8 @@ class SmartServo(ServoMotion):
         self._course: Course | None = None
         self._leg = Leg.TO_GOAL
         self._range_is_sure = False
+        self._under_way: tuple[Seven, Seven, float] | None = None
+        """What the course to the goal was planned for: position, velocity, minimum time."""
         self._forecast: tuple[Destination, float] | None = None
         """The newest waiting destination, and how long the way to it will take in s."""
 
@@ -74,10 +80,7 @@ class SmartServo(ServoMotion):
         self._velocities = TargetVelocities(limits)
 
     def _unreachable(self, goal: Destination, measured_rad: Seven) -> Fault | None:  # noqa: ARG002  # from anywhere
-        fault = outside_range(goal.position_rad, limits=self._limits, reason=self.out_of_range)
-        if fault is not None or goal.velocity_rad_s == STILL:
-            return fault
-        return self._velocities.refused(goal)
+        return None if goal.velocity_rad_s == STILL else self._velocities.refused(goal)
 
     def _take_over(self, start: SetPoint, goal: Destination | None, *, now_ns: int) -> Fault | None:
         start = self._set_point = admissible(start, self._limits)
@@ -99,9 +102,13 @@ class SmartServo(ServoMotion):
         return None
 
     def _aim(self, goal: Destination) -> Fault | None:
+        wanted = (goal.position_rad, goal.velocity_rad_s, self.parameters.minimum_execution_time_s)
+        if wanted == self._under_way:
+            return None
         planned = self._plan(self._set_point, goal, range_is_sure=self._range_is_sure)
         if isinstance(planned, Fault):
             return planned
+        self._under_way = wanted
         self._goal = goal
         self._leg = Leg.TO_GOAL
         self._course = PlannedCourse(planned, SetPoint(goal.position_rad, goal.velocity_rad_s), cycle_s=self._cycle_s)
@@ -130,6 +137,7 @@ class SmartServo(ServoMotion):
     def _arrive(self, now_ns: int) -> None:
         """The end of a planned course is reached."""
         self._course = None
+        self._under_way = None
         if self._leg is Leg.STOPPING:
             self._range_is_sure = True
             if self.interpolator is _S.MOVING:
@@ -157,7 +165,7 @@ class SmartServo(ServoMotion):
         arrives_moving = goal.velocity_rad_s != STILL
         return self._planner.to_goal(
             start,
-            goal.position_rad,
+            goal.position_rad if goal.position_rad == start.position_rad else goal.planned_rad,
             velocity_rad_s=goal.velocity_rad_s,
             minimum_time_s=self.parameters.minimum_execution_time_s,
             range_is_sure=range_is_sure and not arrives_moving,

@@ -1,0 +1,179 @@
+"""Applications as processes of their own against ``hil run``: samples, crashes, keys, a port in use."""
+
+import json
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil.client.servo import (
+    PTP,
+    ControllerSilent,
+    Role,
+    ServoClient,
+    SessionRefused,
+    SmartServo,
+    load_key,
+)
+from tests.support.processes import ROOT, finish, hil, own_host
+from tests.support.servo_process import servo_controller
+
+STATISTICS = r"n\((\d+)\) T\(\d+\.\d\d, \d+\.\d\d, \d+\.\d\d msec\) \(stdDev \d+\.\d\d\)"
+PNG = b"\x89PNG"
+
+
+def application(name: str, *arguments: object) -> "subprocess.Popen[str]":
+    """Start a sample application."""
+    return subprocess.Popen(
+        [sys.executable, "-m", f"apps.{name}", *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+    )
+
+
+@pytest.mark.parametrize("name", ["smart_servo_joint_motion", "direct_servo_joint_motion"])
+def test_the_sample_moves_the_mujoco_arm_and_prints_the_manuals_statistics(name: str, tmp_path: Path) -> None:
+    picture, figures, status = tmp_path / "motion.png", tmp_path / "figures.json", tmp_path / "status.json"
+    with servo_controller("--status-json", status, backend="mujoco") as controller:
+        ended = finish(
+            application(
+                name,
+                "--controller",
+                controller.address,
+                "--seconds",
+                2,
+                "--frequency",
+                0.5,
+                "--plot",
+                picture,
+                "--json",
+                figures,
+            )
+        )
+    assert ended.code == 0, ended.err
+    assert re.search(f"^Statistic Timing of Overall Loop {STATISTICS}$", ended.out, re.MULTILINE), ended.out
+    assert re.search(f"^timing update Controller {STATISTICS}$", ended.out, re.MULTILINE), ended.out
+    assert re.search(f"^timing SetDestination {STATISTICS}$", ended.out, re.MULTILINE), ended.out
+    assert picture.read_bytes().startswith(PNG)
+    found = json.loads(figures.read_text())
+    assert found["peak_rad"] == pytest.approx(0.3, abs=0.05)
+    robot = json.loads(status.read_text())["robots"]["arm"]
+    assert robot["servo"]["sessions_begun"] == 1
+    assert robot["servo"]["motions_begun"] == 2
+    assert robot["servo"]["requests_refused"] == 0
+    assert robot["stops"] == []
+
+
+def test_a_sample_without_a_controller_says_what_to_check() -> None:
+    ended = finish(application("smart_servo_joint_motion", "--controller", f"{own_host()}:30301"))
+    assert ended.code == 2
+    assert ended.err.startswith("smart_servo_joint_motion: ")
+    assert "30301" in ended.err
+    assert len(ended.err.strip().splitlines()) == 1
+
+
+def test_a_killed_application_loses_the_arm_and_the_next_one_gets_in(tmp_path: Path) -> None:
+    status = tmp_path / "status.json"
+    with servo_controller("--status-json", status, backend="mujoco") as controller:
+        with ServoClient(controller.address, role=Role.OBSERVER, watchdog_ms=2000) as observer:
+            crashing = application(
+                "smart_servo_joint_motion", "--controller", controller.address, "--seconds", 30, "--amplitude", 1.0
+            )
+            for snapshot in observer.states():
+                if snapshot.motions and snapshot.motions[0].executed > 40:
+                    break
+            crashing.send_signal(signal.SIGKILL)
+            crashing.communicate()
+            for snapshot in observer.states():
+                if not snapshot.commander:
+                    break
+            assert snapshot.motions == ()
+        with ServoClient(controller.address, name="next") as robot:
+            home = robot.read_state().commanded_position
+            robot.move(PTP(home))
+            assert (
+                max(abs(there - here) for there, here in zip(robot.read_state().measured_position, home, strict=True))
+                < 0.02
+            )
+    [stop] = json.loads(status.read_text())["robots"]["arm"]["stops"]
+    assert re.fullmatch(r"the application left: silent for \d+ ms, the watchdog allows 300 ms", stop["reason"]), stop
+
+
+def test_an_application_that_raises_leaves_at_once() -> None:
+    with servo_controller() as controller:
+
+        def fail() -> None:
+            with ServoClient(controller.address, watchdog_ms=5000) as robot:
+                motion = SmartServo()
+                robot.move_async(motion)
+                motion.get_runtime()
+                raise ZeroDivisionError
+
+        with pytest.raises(ZeroDivisionError):
+            fail()
+        with ServoClient(controller.address, connect_timeout_s=1.0) as robot:
+            assert robot.read_state().motions == ()
+
+
+def test_one_commander_and_observers(tmp_path: Path) -> None:
+    with servo_controller() as controller:
+        with (
+            ServoClient(controller.address, name="first") as robot,
+            ServoClient(controller.address, role=Role.OBSERVER, name="watcher") as observer,
+        ):
+            second = ServoClient(controller.address, name="second", connect_timeout_s=0.3)
+            with pytest.raises(SessionRefused, match="the arm is commanded by first at "):
+                second.connect()
+            motion = SmartServo()
+            robot.move_async(motion)
+            motion.get_runtime()
+            seen = observer.wait_for_state()
+            assert seen is not None
+            assert seen.commander.startswith("first at ")
+        with ServoClient(controller.address, name="second") as robot:
+            assert robot.commander.startswith("second at ")
+
+
+def test_a_key_lets_in_who_has_it_and_nobody_else(tmp_path: Path) -> None:
+    key, other = tmp_path / "servo.key", tmp_path / "other.key"
+    for file in (key, other):
+        assert finish(hil("config", "key", file)).code == 0
+        assert file.stat().st_mode & 0o077 == 0
+    again = finish(hil("config", "key", key))
+    assert again.code == 2
+    with servo_controller("--servo-key", key) as controller:
+        with ServoClient(controller.address, key=load_key(key)) as robot:
+            robot.move_async(SmartServo())
+        for wrong in (None, load_key(other)):
+            with pytest.raises(ControllerSilent, match="key"):
+                ServoClient(controller.address, key=wrong, connect_timeout_s=0.3).connect()
+
+
+def test_a_second_controller_on_the_same_port_says_so() -> None:
+    with servo_controller() as controller:
+        ended = finish(hil("run", "--fri-client", own_host(), "--servo", controller.address, "--duration", 1))
+    assert ended.code == 2
+    assert f"cannot bind UDP {controller.address}" in ended.err
+    assert "--servo" in ended.err
+    assert len(ended.err.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--servo", "127.0.0.1:none"], "the port 'none' is no number"),
+        (["--servo", "off", "--servo-key", "x"], "--servo off leaves nothing for --servo-key to protect"),
+        (["--servo", "127.0.0.1:0", "--servo-key", "/nowhere/x"], "/nowhere/x"),
+        (["--servo", "127.0.0.1:0", "--reaction", "slow"], "slow"),
+    ],
+)
+def test_options_that_cannot_work_are_refused_in_words(arguments: list[str], sentence: str) -> None:
+    ended = finish(hil("run", "--fri-client", own_host(), *arguments, "--duration", 1))
+    assert ended.code == 2
+    assert sentence in ended.err
+    assert "Traceback" not in ended.err

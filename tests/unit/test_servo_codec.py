@@ -1,0 +1,710 @@
+"""The servo link on the wire: every packet comes back, any bytes are a packet or a named refusal, and sizes hold."""
+
+import contextlib
+import struct
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.values.errors import ConfigurationError, MalformedDatagram
+from hil.values.motion import (
+    MAX_MOTIONS,
+    FineInterpolatorState,
+    MotionEnd,
+    MotionKind,
+    MotionParameters,
+    MotionPhase,
+)
+from hil.values.outcomes import Outcome
+from hil.values.servo import (
+    MAX_COMMANDER_BYTES,
+    MAX_DETAIL_BYTES,
+    MAX_MOTIONS_IN_PACKET,
+    MAX_NAME_BYTES,
+    MAX_REASON_BYTES,
+    MAX_REPORTS_IN_PACKET,
+    MAX_REQUESTS_IN_PACKET,
+    MAX_SERVO_DATAGRAM_BYTES,
+    MAX_VECTOR_NUMBERS,
+    MIN_HELLO_BYTES,
+    PROTOCOL_VERSION,
+    Command,
+    Ended,
+    FromClient,
+    FromController,
+    GoalReached,
+    Goodbye,
+    Hello,
+    MotionEnded,
+    MotionState,
+    Refused,
+    Report,
+    Request,
+    RequestDone,
+    RequestError,
+    Role,
+    SetDestination,
+    SetRuntimeParameters,
+    Snapshot,
+    StartMotion,
+    State,
+    StopMotion,
+    Vector,
+    Welcome,
+)
+from transport.servo import ServoCodec, reading, servo_pb2, usual
+from transport.servo.layout import field
+
+KEY = b"a key of thirty-two bytes, no le"
+CODECS = (ServoCodec(), ServoCodec(KEY))
+Decode = Callable[[bytes], FromClient | FromController]
+
+NUMBERS = st.integers(0, 2**64 - 1)
+SMALL = st.integers(0, 2**32 - 1)
+TIMES = st.integers(-(2**63), 2**63 - 1)
+FLOATS = st.binary(min_size=8, max_size=8).map(lambda raw: float(struct.unpack("<d", raw)[0]))
+"""Any 64 bits, NaN too: packets are compared by their repr."""
+
+
+def texts(most_bytes: int, *, printable: bool = False) -> st.SearchStrategy[str]:
+    characters = st.characters(exclude_categories=("Cs",))
+    text = st.text(characters, max_size=most_bytes).filter(lambda text: len(text.encode()) <= most_bytes)
+    return text.filter(str.isprintable) if printable else text
+
+
+def vectors(maximum: int = 7) -> st.SearchStrategy[Vector]:
+    """Vectors of any numbers, most of them with seven; drawn as bytes, which is faster."""
+    sizes = st.one_of(st.just(7), st.just(7), st.integers(0, maximum))
+    raw = sizes.flatmap(lambda size: st.binary(min_size=8 * size, max_size=8 * size))
+    return raw.map(lambda raw: struct.unpack(f"<{len(raw) // 8}d", raw))
+
+
+SEVENS = st.binary(min_size=56, max_size=56).map(lambda raw: struct.unpack("<7d", raw))
+MAYBE_VECTOR = st.one_of(st.none(), vectors(MAX_VECTOR_NUMBERS))
+MAYBE_BOOL = st.one_of(st.none(), st.booleans())
+REQUESTS: st.SearchStrategy[Request] = st.one_of(
+    st.builds(SetDestination, NUMBERS, NUMBERS, MAYBE_VECTOR, MAYBE_VECTOR),
+    st.builds(
+        StartMotion,
+        NUMBERS,
+        st.sampled_from(MotionKind),
+        st.builds(MotionParameters, *[FLOATS] * 8, st.booleans(), st.booleans()),
+        MAYBE_VECTOR,
+    ),
+    st.builds(SetRuntimeParameters, NUMBERS, NUMBERS, st.one_of(st.none(), FLOATS), MAYBE_BOOL, MAYBE_BOOL),
+    st.builds(StopMotion, NUMBERS, NUMBERS),
+)
+HELLOS = st.builds(
+    Hello,
+    st.just(PROTOCOL_VERSION),
+    NUMBERS,
+    st.sampled_from(Role),
+    SMALL,
+    SMALL,
+    texts(MAX_NAME_BYTES, printable=True),
+)
+COMMANDS = st.builds(
+    Command,
+    NUMBERS,
+    NUMBERS,
+    NUMBERS,
+    NUMBERS,
+    st.booleans(),
+    st.lists(REQUESTS, max_size=MAX_REQUESTS_IN_PACKET).map(tuple),
+)
+FROM_CLIENT: st.SearchStrategy[FromClient] = st.one_of(HELLOS, COMMANDS, st.builds(Goodbye, NUMBERS, NUMBERS))
+
+REASONS, DETAILS = texts(MAX_REASON_BYTES), texts(MAX_DETAIL_BYTES)
+REPORTS: st.SearchStrategy[Report] = st.one_of(
+    st.builds(RequestDone, NUMBERS, NUMBERS, TIMES),
+    st.builds(RequestDone, NUMBERS, NUMBERS, TIMES, st.sampled_from(RequestError), REASONS, DETAILS),
+    st.builds(GoalReached, NUMBERS, NUMBERS, TIMES, st.sampled_from(FineInterpolatorState), vectors()),
+    st.builds(MotionEnded, NUMBERS, NUMBERS, TIMES, st.sampled_from(MotionEnd), REASONS, DETAILS),
+)
+MOTIONS = st.builds(
+    MotionState,
+    NUMBERS,
+    st.sampled_from(MotionKind),
+    st.sampled_from(MotionPhase),
+    st.sampled_from(FineInterpolatorState),
+    vectors(),
+    TIMES,
+    FLOATS,
+    *[NUMBERS] * 4,
+    TIMES,
+)
+SNAPSHOTS = st.builds(
+    Snapshot,
+    TIMES,
+    NUMBERS,
+    SMALL,
+    *[vectors()] * 4,
+    texts(MAX_COMMANDER_BYTES),
+    st.lists(MOTIONS, max_size=MAX_MOTIONS_IN_PACKET).map(tuple),
+)
+STATES = st.builds(
+    State,
+    NUMBERS,
+    NUMBERS,
+    NUMBERS,
+    NUMBERS,
+    SNAPSHOTS,
+    st.lists(REPORTS, max_size=MAX_REPORTS_IN_PACKET).map(tuple),
+)
+ANSWERS: st.SearchStrategy[FromController] = st.one_of(
+    st.builds(
+        Welcome,
+        st.just(PROTOCOL_VERSION),
+        NUMBERS,
+        NUMBERS,
+        texts(MAX_NAME_BYTES),
+        texts(MAX_NAME_BYTES),
+        SMALL,
+        TIMES,
+    ),
+    st.builds(Refused, st.just(PROTOCOL_VERSION), NUMBERS, texts(MAX_REASON_BYTES), st.booleans()),
+    st.builds(Ended, NUMBERS, texts(MAX_REASON_BYTES)),
+)
+FROM_CONTROLLER: st.SearchStrategy[FromController] = st.one_of(STATES, ANSWERS)
+
+
+def refusal(decode: Decode, datagram: bytes) -> MalformedDatagram:
+    """Return the refusal of bytes that are no packet."""
+    with pytest.raises(MalformedDatagram) as caught:
+        decode(datagram)
+    return caught.value
+
+
+def bare(wire: servo_pb2.Packet, *, version: int = PROTOCOL_VERSION) -> bytes:
+    """Return a datagram of a packet made by hand."""
+    wire.header.version = version
+    return b"\x53" + wire.SerializeToString()
+
+
+@pytest.mark.parametrize("codec", CODECS)
+@given(packet=FROM_CLIENT)
+def test_what_a_client_sends_comes_back(codec: ServoCodec, packet: FromClient) -> None:
+    """Invariant: a packet comes back whole, but for the last requests of a command that has no room for them."""
+    datagram = codec.encode_from_client(packet)
+    assert len(datagram) <= MAX_SERVO_DATAGRAM_BYTES
+    decoded = codec.decode_from_client(datagram)
+    if isinstance(packet, Command):
+        assert isinstance(decoded, Command)
+        assert bool(decoded.requests) == bool(packet.requests)
+        packet = packet._replace(requests=packet.requests[: len(decoded.requests)])
+    assert repr(decoded) == repr(packet)
+
+
+@pytest.mark.parametrize("codec", CODECS)
+@given(packet=FROM_CONTROLLER)
+def test_what_the_controller_sends_comes_back(codec: ServoCodec, packet: FromController) -> None:
+    """Invariant: a packet comes back whole, but for the last reports of a state that has no room for them."""
+    datagram = codec.encode_from_controller(packet)
+    assert len(datagram) <= MAX_SERVO_DATAGRAM_BYTES
+    decoded = codec.decode_from_controller(datagram)
+    if isinstance(packet, State):
+        assert isinstance(decoded, State)
+        assert bool(decoded.reports) == bool(packet.reports)
+        packet = packet._replace(reports=packet.reports[: len(decoded.reports)])
+    assert repr(decoded) == repr(packet)
+
+
+SEVEN: Vector = (0.0, 0.5, -0.25, 1.0, -1.0, 1.5, 2.0)
+NAN, INFINITY = float("nan"), float("inf")
+
+
+def test_what_is_no_number_and_what_is_no_seven_is_the_controllers_to_judge() -> None:
+    for position in ((), (NAN,) * 7, (INFINITY, -INFINITY), (0.0,) * 6, (0.0,) * MAX_VECTOR_NUMBERS):
+        command = Command(1, 2, 3, requests=(SetDestination(4, 5, position, position),))
+        assert repr(CODECS[0].decode_from_client(CODECS[0].encode_from_client(command))) == repr(command)
+
+
+SNAPSHOT = Snapshot(
+    now_ns=1_000_000,
+    cycle=1,
+    operation_mode=3,
+    measured_position=SEVEN,
+    commanded_position=SEVEN,
+    measured_torque=SEVEN,
+    external_torque=SEVEN,
+    commander="grinder",
+    motions=(
+        MotionState(
+            motion=1,
+            kind=MotionKind.SMART_SERVO,
+            phase=MotionPhase.ACTIVE,
+            interpolator=FineInterpolatorState.RESTING,
+            destination=SEVEN,
+            destination_at_ns=500_000,
+            remaining_s=0.125,
+            goals_reached=2,
+            received=6,
+            superseded=1,
+            executed=5,
+            executed_at_ns=-1,
+        ),
+    ),
+)
+_HEADER = "530a1d0801 110807060504030201 190200000000000000 210300000000000000"
+_SEVEN = (
+    "0000000000000000 000000000000e03f 000000000000d0bf 000000000000f03f"
+    " 000000000000f0bf 000000000000f83f 0000000000000040"
+)
+GOLDEN: list[tuple[FromClient | FromController, str]] = [
+    (
+        Command(0x0102030405060708, 2, 3, 4, True),
+        f"{_HEADER} 2a0b 090400000000000000 1001",
+    ),
+    (
+        Command(0x0102030405060708, 2, 3, 4, False, (SetDestination(5, 6, SEVEN),)),
+        f"{_HEADER} 2a5d 090400000000000000 1000 1a50 090500000000000000 1a45 090600000000000000 123a0a38 {_SEVEN}",
+    ),
+    (
+        Command(0x0102030405060708, 2, 3, requests=(StopMotion(5, 6),)),
+        f"{_HEADER} 2a16 1a14 090500000000000000 2a09 090600000000000000",
+    ),
+    (
+        Goodbye(0x0102030405060708, 2),
+        "530a14 0801 110807060504030201 190200000000000000 3200",
+    ),
+    (
+        Welcome(1, 7, 0x0102030405060708, "fri-hil 1", "lbr", 1, 1),
+        (
+            "530a0b 0801 110807060504030201 1a24 090700000000000000"
+            " 1209 6672692d68696c2031 1a03 6c6272 2001 290100000000000000"
+        ),
+    ),
+    (
+        Refused(1, 7, "no", True),
+        "530a02 0801 220f 090700000000000000 1202 6e6f 1801",
+    ),
+    (
+        Ended(0x0102030405060708, "no"),
+        "530a0b 0801 110807060504030201 4204 0a02 6e6f",
+    ),
+    (
+        State(0x0102030405060708, 2, 3, 4, SNAPSHOT, (RequestDone(5, 6, 7),)),
+        (
+            f"{_HEADER} 3ac003 090400000000000000 129303"
+            " 0940420f0000000000 110100000000000000 1d03000000"
+            f" 2238 {_SEVEN} 2a38 {_SEVEN} 3238 {_SEVEN} 3a38 {_SEVEN} 4207 6772696e646572"
+            f" 4a8801 090100000000000000 1002 1803 2003 2a38 {_SEVEN} 3120a1070000000000 39000000000000c03f"
+            " 410200000000000000 490600000000000000 510100000000000000 590500000000000000 61ffffffffffffffff"
+            " 1a1f 090500000000000000 110700000000000000 1a0b 090600000000000000 1000"
+        ),
+    ),
+]
+
+
+@pytest.mark.parametrize(("packet", "expected"), GOLDEN, ids=lambda value: type(value).__name__)
+def test_the_bytes_on_the_wire(packet: FromClient | FromController, expected: str) -> None:
+    """Changing these changes the protocol: then PROTOCOL_VERSION must be another."""
+    codec = CODECS[0]
+    datagram = bytes.fromhex(expected)
+    if isinstance(packet, Hello | Command | Goodbye):
+        assert codec.encode_from_client(packet).hex() == datagram.hex()
+        assert codec.decode_from_client(datagram) == packet
+    else:
+        assert codec.encode_from_controller(packet).hex() == datagram.hex()
+        assert codec.decode_from_controller(datagram) == packet
+
+
+def test_the_bytes_of_a_hello() -> None:
+    hello = Hello(PROTOCOL_VERSION, 7, Role.COMMANDER, 300, 5, "grinder")
+    datagram = CODECS[0].encode_from_client(hello)
+    begin = bytes.fromhex("530a020801 12") + datagram[6:8]
+    fields = bytes.fromhex("090700000000000000 1002 18ac02 2005 2a07 6772696e646572 7a")
+    assert datagram[: len(begin) + len(fields)] == begin + fields
+    assert not any(datagram[len(begin) + len(fields) + 2 :])
+
+
+@given(hello=HELLOS, version=SMALL)
+def test_a_hello_is_filled_up(hello: Hello, version: int) -> None:
+    for codec in CODECS:
+        assert len(codec.encode_from_client(hello._replace(version=version))) == MIN_HELLO_BYTES
+
+
+@pytest.mark.parametrize("version", [PROTOCOL_VERSION, PROTOCOL_VERSION + 1])
+def test_a_hello_that_is_not_filled_up_is_too_short(version: int) -> None:
+    wire = servo_pb2.Packet.FromString(CODECS[0].encode_from_client(Hello(1, 7, Role.OBSERVER, 300, 5, ""))[1:])
+    wire.hello.padding = wire.hello.padding[1:]
+    error = refusal(CODECS[0].decode_from_client, bare(wire, version=version))
+    assert error.outcome is Outcome.TOO_SHORT
+    assert error.detail == "a hello of 399 bytes, it is filled up to 400"
+
+
+LONG = "ü" * 500
+"""Two bytes a letter; no limit is a multiple of two and three at once, so that cutting meets the middle of one."""
+
+
+@pytest.mark.parametrize("codec", CODECS)
+def test_no_answer_to_a_hello_is_longer_than_the_hello(codec: ServoCodec) -> None:
+    most, latest = 2**64 - 1, 2**63 - 1
+    hello = codec.encode_from_client(Hello(PROTOCOL_VERSION, 0, Role.OBSERVER, 0, 0, ""))
+    answers: list[FromController] = [
+        Welcome(2**32 - 1, most, most, LONG, LONG, 2**32 - 1, latest),
+        Refused(2**32 - 1, most, LONG, True),
+        Ended(most, LONG),
+    ]
+    for answer in answers:
+        assert len(codec.encode_from_controller(answer)) < MIN_HELLO_BYTES <= len(hello)
+
+
+def test_texts_that_are_too_long_are_cut_between_characters() -> None:
+    codec = CODECS[0]
+    for text in (LONG, "x" * 1000, "€" * 500, "😀" * 300):
+        refused = codec.decode_from_controller(codec.encode_from_controller(Refused(1, 2, text, False)))
+        assert isinstance(refused, Refused)
+        assert MAX_REASON_BYTES - 3 <= len(refused.reason.encode()) <= MAX_REASON_BYTES
+        assert refused.reason.endswith("…")
+        assert text.startswith(refused.reason[:-1])
+    hello = Hello(PROTOCOL_VERSION, 1, Role.OBSERVER, 1, 1, "tab\tand\nline\ud800")
+    decoded = codec.decode_from_client(codec.encode_from_client(hello))
+    assert isinstance(decoded, Hello)
+    assert decoded.name == "tab?and?line?"
+
+
+def _largest_motion(number: int) -> MotionState:
+    most, latest = 2**64 - 1, 2**63 - 1
+    return MotionState(
+        number, MotionKind.PTP, MotionPhase.QUEUED, FineInterpolatorState.ENDED, SEVEN, latest, NAN, *[most] * 4, latest
+    )
+
+
+@pytest.mark.parametrize("codec", CODECS)
+@pytest.mark.parametrize(
+    ("report", "count"),
+    [
+        (RequestDone(2**64 - 1, 2**64 - 1, 2**63 - 1, RequestError.COMMAND_INVALID, LONG, LONG), 1),
+        (MotionEnded(2**64 - 1, 2**64 - 1, 2**63 - 1, MotionEnd.FAILED, LONG, LONG), 1),
+        (GoalReached(2**64 - 1, 2**64 - 1, 2**63 - 1, FineInterpolatorState.ENDED, SEVEN), 4),
+        (RequestDone(2**64 - 1, 2**64 - 1, 2**63 - 1), MAX_REPORTS_IN_PACKET),
+    ],
+    ids=["refused", "ended", "goal", "taken"],
+)
+def test_the_largest_state_fits_with_a_report_at_least(codec: ServoCodec, report: Report, count: int) -> None:
+    """Sixteen motions and six reports: the first four are shown, and as many reports as there is room for."""
+    motions = tuple(_largest_motion(number) for number in range(1, MAX_MOTIONS + 1))
+    snapshot = Snapshot(2**63 - 1, 2**64 - 1, 2**32 - 1, SEVEN, SEVEN, SEVEN, SEVEN, LONG, motions)
+    state = State(2**64 - 1, 2**64 - 1, 2**64 - 1, 2**64 - 1, snapshot, (report,) * MAX_REPORTS_IN_PACKET)
+    datagram = codec.encode_from_controller(state)
+    assert len(datagram) <= MAX_SERVO_DATAGRAM_BYTES
+    decoded = codec.decode_from_controller(datagram)
+    assert isinstance(decoded, State)
+    assert [motion.motion for motion in decoded.snapshot.motions] == list(range(1, MAX_MOTIONS_IN_PACKET + 1))
+    assert decoded.reports[0].number == report.number
+    assert len(decoded.reports) == count
+
+
+@pytest.mark.parametrize("codec", CODECS)
+def test_the_largest_command_fits_with_a_request_at_least(codec: ServoCodec) -> None:
+    largest = (INFINITY,) * MAX_VECTOR_NUMBERS
+    requests: tuple[Request, ...] = tuple(SetDestination(2**64 - 1 - n, 2**64 - 1, largest, largest) for n in range(9))
+    datagram = codec.encode_from_client(Command(2**64 - 1, 2**64 - 1, 2**64 - 1, 2**64 - 1, True, requests))
+    assert len(datagram) <= MAX_SERVO_DATAGRAM_BYTES
+    decoded = codec.decode_from_client(datagram)
+    assert isinstance(decoded, Command)
+    assert decoded.requests == requests[:2]
+    usual_size = tuple(SetDestination(n, 1, SEVEN, SEVEN) for n in range(MAX_REQUESTS_IN_PACKET))
+    starts = tuple(StartMotion(n, MotionKind.PTP, MotionParameters(), SEVEN) for n in range(MAX_REQUESTS_IN_PACKET))
+    for whole in (usual_size, starts):
+        decoded = codec.decode_from_client(codec.encode_from_client(Command(1, 2, 3, requests=whole)))
+        assert isinstance(decoded, Command)
+        assert decoded.requests == whole
+
+
+def test_the_snapshot_of_a_cycle_is_written_once_and_never_mistaken_for_another() -> None:
+    codec = ServoCodec()
+    other = SNAPSHOT._replace(cycle=2, motions=())
+    for snapshot in (SNAPSHOT, SNAPSHOT, other, SNAPSHOT, other):
+        for token in (1, 2):
+            state = State(token, 2, 3, 4, snapshot, (RequestDone(5, 6, 7),))
+            assert codec.decode_from_controller(codec.encode_from_controller(state)) == state
+
+
+def decoders(codec: ServoCodec) -> tuple[Decode, Decode]:
+    return codec.decode_from_client, codec.decode_from_controller
+
+
+@pytest.mark.parametrize("codec", CODECS)
+@given(datagram=st.binary(max_size=MAX_SERVO_DATAGRAM_BYTES + 10), framing=st.sampled_from([b"", b"\x53", b"\x54"]))
+def test_any_bytes_are_a_packet_or_a_refusal(codec: ServoCodec, datagram: bytes, framing: bytes) -> None:
+    """Invariant: whatever the bytes, decode returns a packet or raises MalformedDatagram, and nothing else."""
+    for decode in decoders(codec):
+        with contextlib.suppress(MalformedDatagram):
+            assert decode(framing + datagram) is not None
+
+
+def mutated(draw: st.DrawFn, datagram: bytes) -> bytes:
+    """Return a datagram with some bytes changed, cut out or put in; the framing stays."""
+    body = bytearray(datagram)
+    for _ in range(draw(st.integers(0, 4))):
+        body[draw(st.integers(1, len(body) - 1))] = draw(st.integers(0, 255))
+    if draw(st.booleans()):
+        at = draw(st.integers(1, len(body)))
+        body[at : at + draw(st.integers(0, 3))] = draw(st.binary(max_size=3))
+    return bytes(body[: draw(st.integers(1, len(body)))]) if draw(st.booleans()) else bytes(body)
+
+
+@given(data=st.data(), packet=st.one_of(FROM_CLIENT, FROM_CONTROLLER))
+def test_a_broken_packet_is_a_packet_or_a_refusal(data: st.DataObject, packet: FromClient | FromController) -> None:
+    """Invariant: whatever happens to a packet, decode returns one or raises MalformedDatagram, and nothing else."""
+    client = isinstance(packet, Hello | Command | Goodbye)
+    codec = CODECS[0]
+    whole = codec.encode_from_client(packet) if client else codec.encode_from_controller(packet)  # type: ignore[arg-type]
+    datagram = data.draw(st.composite(mutated)(whole))
+    for decode in (*decoders(codec), *decoders(CODECS[1])):
+        with contextlib.suppress(MalformedDatagram):
+            assert decode(datagram) is not None
+
+
+def _read(read: Decode, packet: bytes) -> str:
+    try:
+        return repr(read(packet))
+    except MalformedDatagram as error:
+        return str(error)
+
+
+USUAL_COMMANDS = st.builds(
+    Command,
+    NUMBERS,
+    NUMBERS,
+    NUMBERS,
+    NUMBERS,
+    st.booleans(),
+    st.lists(
+        st.builds(SetDestination, NUMBERS, NUMBERS, SEVENS, st.one_of(st.none(), vectors())),
+        max_size=1,
+    ).map(tuple),
+)
+USUAL_STATES = st.builds(
+    State,
+    NUMBERS,
+    NUMBERS,
+    NUMBERS,
+    NUMBERS,
+    SNAPSHOTS.filter(lambda snapshot: all(len(vector) == 7 for vector in snapshot[3:7])),
+    st.lists(st.builds(RequestDone, NUMBERS, NUMBERS, TIMES), max_size=MAX_REPORTS_IN_PACKET).map(tuple),
+)
+
+
+@given(data=st.data(), command=USUAL_COMMANDS)
+def test_usual_commands_are_read_as_protobuf_reads_them(data: st.DataObject, command: Command) -> None:
+    """Invariant: the short way may decline, but what it accepts is what protobuf makes of the same bytes."""
+    whole = CODECS[0].encode_from_client(command)
+    packet = data.draw(st.one_of(st.just(whole), st.composite(mutated)(whole)))[1:]
+    read = usual.read_command(packet)
+    if packet == whole[1:] and (not command.requests or command.requests[0].velocity is None):  # type: ignore[union-attr]
+        assert repr(read) == repr(command)
+    if read is not None:
+        assert repr(read) == _read(reading.from_client, packet)
+
+
+@given(data=st.data(), state=USUAL_STATES)
+def test_usual_states_are_read_as_protobuf_reads_them(data: st.DataObject, state: State) -> None:
+    """Invariant: the short way may decline, but what it accepts is what protobuf makes of the same bytes."""
+    whole = CODECS[0].encode_from_controller(state)
+    packet = data.draw(st.one_of(st.just(whole), st.composite(mutated)(whole)))[1:]
+    read = usual.read_state(packet)
+    if packet == whole[1:] and all(len(motion.destination) == 7 for motion in state.snapshot.motions):
+        assert read is not None
+    if read is not None:
+        assert repr(read) == _read(reading.from_controller, packet)
+
+
+def test_a_snapshot_that_says_it_is_longer_than_its_packet_is_none() -> None:
+    datagram = CODECS[0].encode_from_controller(State(1, 2, 3, 4, SNAPSHOT._replace(motions=())))
+    at = datagram.index(b"\x42\x07grinder")
+    for more in (1, 80):
+        length = datagram[45] & 0x7F | datagram[46] << 7
+        longer = bytes(((length + more) & 0x7F | 0x80, (length + more) >> 7))
+        broken = bytearray(datagram)
+        broken[45:47] = longer
+        broken[at + 1] += more
+        assert refusal(CODECS[0].decode_from_controller, bytes(broken)).outcome is Outcome.UNDECODABLE
+
+
+def _packet(**body: object) -> servo_pb2.Packet:
+    return servo_pb2.Packet(**body)  # type: ignore[arg-type]
+
+
+def _asking(*requests: servo_pb2.Request) -> servo_pb2.Packet:
+    return _packet(command=servo_pb2.Command(request=requests))
+
+
+def _showing(snapshot: servo_pb2.Snapshot, *reports: servo_pb2.Report) -> servo_pb2.Packet:
+    return _packet(state=servo_pb2.State(snapshot=snapshot, report=reports))
+
+
+def _hello(name: str = "", role: int = 1) -> servo_pb2.Packet:
+    hello = servo_pb2.Hello(role=role, name=name, padding=bytes(MIN_HELLO_BYTES))  # type: ignore[arg-type]
+    return _packet(hello=hello)
+
+
+_STOP = servo_pb2.Request(number=1, stop=servo_pb2.StopMotion())
+_PARAMETERS = servo_pb2.MotionParameters()
+_DONE = servo_pb2.Report(number=1, done=servo_pb2.RequestDone())
+_MOTION = servo_pb2.MotionState(motion=1, kind=1, phase=1, interpolator=1)  # type: ignore[arg-type]
+_TOO_LONG = servo_pb2.Vector(value=[0.0] * (MAX_VECTOR_NUMBERS + 1))
+NO_PACKET_FROM_CLIENT: list[tuple[servo_pb2.Packet, str]] = [
+    (_packet(), "a packet with nothing in it"),
+    (_packet(state=servo_pb2.State()), "a packet with state in it, which the other end never sends"),
+    (_packet(welcome=servo_pb2.Welcome()), "a packet with welcome in it, which the other end never sends"),
+    (_hello(role=0), "there is no role 0"),
+    (_hello(role=3), "there is no role 3"),
+    (_hello("x" * (MAX_NAME_BYTES + 1)), "a name of 64 bytes, at most 63 are allowed"),
+    (_hello("ü" * 32), "a name of 64 bytes, at most 63 are allowed"),
+    (_hello("\x1b[2J"), r"the name '\x1b[2J' cannot be printed"),
+    (_asking(*[_STOP] * (MAX_REQUESTS_IN_PACKET + 1)), "7 requests, at most 6 are allowed"),
+    (_asking(servo_pb2.Request(number=9)), "request 9 asks for nothing"),
+    (
+        _asking(servo_pb2.Request(number=9, start=servo_pb2.StartMotion(kind=servo_pb2.KIND_PTP))),
+        "request 9 starts a motion without parameters",
+    ),
+    (
+        _asking(servo_pb2.Request(start=servo_pb2.StartMotion(kind=4, parameters=_PARAMETERS))),  # type: ignore[arg-type]
+        "there is no motion kind 4",
+    ),
+    (
+        _asking(servo_pb2.Request(start=servo_pb2.StartMotion(parameters=_PARAMETERS))),
+        "there is no motion kind 0",
+    ),
+    (
+        _asking(servo_pb2.Request(destination=servo_pb2.SetDestination(position=_TOO_LONG))),
+        "33 numbers in a vector, at most 32 are allowed",
+    ),
+    (
+        _asking(servo_pb2.Request(destination=servo_pb2.SetDestination(velocity=_TOO_LONG))),
+        "33 numbers in a vector, at most 32 are allowed",
+    ),
+]
+
+
+@pytest.mark.parametrize(("wire", "words"), NO_PACKET_FROM_CLIENT, ids=lambda value: str(value)[:40])
+def test_what_no_application_sends(wire: servo_pb2.Packet, words: str) -> None:
+    error = refusal(CODECS[0].decode_from_client, bare(wire))
+    assert error.outcome is Outcome.UNDECODABLE
+    assert words in error.detail
+
+
+NO_PACKET_FROM_CONTROLLER: list[tuple[servo_pb2.Packet, str]] = [
+    (_packet(), "a packet with nothing in it"),
+    (_hello(), "a packet with hello in it, which the other end never sends"),
+    (_packet(command=servo_pb2.Command()), "a packet with command in it, which the other end never sends"),
+    (_packet(state=servo_pb2.State()), "a state that shows nothing"),
+    (_showing(servo_pb2.Snapshot(motion=[_MOTION] * 5)), "5 motions, at most 4 are allowed"),
+    (_showing(servo_pb2.Snapshot(), *[_DONE] * 7), "7 reports, at most 6 are allowed"),
+    (_showing(servo_pb2.Snapshot(commander="x" * 97)), "a commander of 97 bytes, at most 96 are allowed"),
+    (_showing(servo_pb2.Snapshot(measured_torque=[0.0] * 33)), "33 numbers in a vector, at most 32 are allowed"),
+    (_showing(servo_pb2.Snapshot(motion=[servo_pb2.MotionState()])), "there is no motion kind 0"),
+    (
+        _showing(servo_pb2.Snapshot(motion=[servo_pb2.MotionState(kind=servo_pb2.KIND_PTP)])),
+        "there is no motion phase 0",
+    ),
+    (_showing(servo_pb2.Snapshot(), servo_pb2.Report(number=9)), "report 9 says nothing"),
+    (
+        _showing(servo_pb2.Snapshot(), servo_pb2.Report(done=servo_pb2.RequestDone(error=4))),  # type: ignore[arg-type]
+        "there is no request error 4",
+    ),
+    (
+        _showing(servo_pb2.Snapshot(), servo_pb2.Report(done=servo_pb2.RequestDone(detail="x" * 181))),
+        "a detail of 181 bytes, at most 180 are allowed",
+    ),
+    (
+        _showing(servo_pb2.Snapshot(), servo_pb2.Report(goal=servo_pb2.GoalReached())),
+        "there is no fine interpolator state 0",
+    ),
+    (
+        _showing(servo_pb2.Snapshot(), servo_pb2.Report(ended=servo_pb2.MotionEnded())),
+        "there is no end of a motion 0",
+    ),
+    (_packet(refused=servo_pb2.Refused(reason="x" * 201)), "a reason of 201 bytes, at most 200 are allowed"),
+    (_packet(welcome=servo_pb2.Welcome(robot="x" * 64)), "a robot of 64 bytes, at most 63 are allowed"),
+]
+
+
+@pytest.mark.parametrize(("wire", "words"), NO_PACKET_FROM_CONTROLLER, ids=lambda value: str(value)[:40])
+def test_what_no_controller_sends(wire: servo_pb2.Packet, words: str) -> None:
+    error = refusal(CODECS[0].decode_from_controller, bare(wire))
+    assert error.outcome is Outcome.UNDECODABLE
+    assert words in error.detail
+
+
+def test_sizes_and_framing_are_named() -> None:
+    for decode in decoders(CODECS[0]):
+        assert refusal(decode, bytes(MAX_SERVO_DATAGRAM_BYTES + 1)).outcome is Outcome.TOO_LONG
+        for size in range(5):
+            assert refusal(decode, b"\x53" * size).outcome is Outcome.TOO_SHORT
+        for datagram, words in (
+            (bytes(20), "20 bytes that begin with 0x00 are no packet"),
+            (b"\x53" + bytes(20), "20 bytes are no packet of the servo link"),
+            (
+                b"\x53" + servo_pb2.Packet(command=servo_pb2.Command()).SerializeToString() * 3,
+                "without a protocol version",
+            ),
+        ):
+            error = refusal(decode, datagram)
+            assert (error.outcome, words in error.detail) == (Outcome.UNDECODABLE, True), error
+
+
+def test_a_hello_of_another_version_is_returned_with_what_is_frozen() -> None:
+    for version in (2, 127, 128, 2**32 - 1):
+        hello = Hello(version, 2**63 + 7, Role.COMMANDER, 300, 5, "grinder")
+        decoded = CODECS[1].decode_from_client(CODECS[1].encode_from_client(hello))
+        assert isinstance(decoded, Hello)
+        assert (decoded.version, decoded.nonce) == (version, 2**63 + 7)
+
+
+def test_an_answer_of_another_version_is_returned_with_what_is_frozen() -> None:
+    codec = CODECS[1]
+    refused = Refused(2, 7, "speak version 2", True)
+    assert codec.decode_from_controller(codec.encode_from_controller(refused)) == refused
+    welcome = codec.decode_from_controller(codec.encode_from_controller(Welcome(2, 7, 8, "fri-hil 9", "lbr", 1, 1)))
+    assert welcome == Welcome(2, 7, 8, "fri-hil 9", "", 0, 0)
+
+
+def test_a_later_version_may_change_everything_that_is_not_frozen() -> None:
+    """Fields of ours with other types, texts that are no UTF-8, bodies we do not know: the version is still read."""
+    header = bytes.fromhex("0a02 0802")
+    nonce = bytes.fromhex("090700000000000000")
+    strange = bytes.fromhex("1201ff 1a01ff 2a01ff 7aac02") + bytes(300)
+    hello = b"\x53" + header + field(b"\x12", nonce + strange) + field(b"\x7a", bytes(90))
+    decoded = CODECS[0].decode_from_client(hello)
+    assert isinstance(decoded, Hello)
+    assert (decoded.version, decoded.nonce) == (2, 7)
+    refused = b"\x53" + header + field(b"\x22", nonce + bytes.fromhex("1203fffefd 2a01ff"))
+    assert CODECS[0].decode_from_controller(refused) == Refused(2, 7, "\ufffd" * 3, False)
+    for body in (b"\x2a\x01\xff", b"\x3a\x01\xff", b"\x9a\x06\x00", b""):
+        for decode in decoders(CODECS[0]):
+            error = refusal(decode, b"\x53" + header + body)
+            assert error.outcome is Outcome.OTHER_VERSION
+            assert "version 2 of the servo link, this side speaks 1" in error.detail
+
+
+@given(version=st.integers(2, 2**32 - 1), packet=st.one_of(COMMANDS, STATES))
+def test_commands_and_states_of_another_version_are_named(version: int, packet: Command | State) -> None:
+    codec = CODECS[0]
+    if isinstance(packet, Command):
+        wire = servo_pb2.Packet.FromString(codec.encode_from_client(packet)[1:])
+        assert refusal(codec.decode_from_client, bare(wire, version=version)).outcome is Outcome.OTHER_VERSION
+    else:
+        wire = servo_pb2.Packet.FromString(codec.encode_from_controller(packet)[1:])
+        assert refusal(codec.decode_from_controller, bare(wire, version=version)).outcome is Outcome.OTHER_VERSION
+
+
+@pytest.mark.parametrize(
+    ("packet", "words"),
+    [
+        (Command(1, 2, 3, requests=(SetDestination(4, 5, (0.0,) * 33),)), "a vector of 33 numbers, at most 32"),
+        (Command(1, 2, 3, requests=(SetDestination(4, 5, (None,) * 7),)), "a Command cannot be sent"),  # type: ignore[arg-type]
+        (Command(1, 2, 3, requests=(SetDestination(4, 5, ("0",) * 3),)), "a Command cannot be sent"),  # type: ignore[arg-type]
+        (Command(2**64, 2, 3), "a Command cannot be sent"),
+        (Hello(1, 2, Role.OBSERVER, -1, 5, ""), "a Hello cannot be sent"),
+        (Goodbye(1, -1), "a Goodbye cannot be sent"),
+    ],
+)
+def test_what_no_packet_can_carry_is_refused_in_words(packet: FromClient, words: str) -> None:
+    with pytest.raises(ConfigurationError, match=words):
+        CODECS[0].encode_from_client(packet)
