@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from hil.core.fri.session import TABLE, Trigger, diagram, next_state
+from hil.core.motion import fine_interpolator
 from hil.values.errors import IllegalTransition
 from hil.values.fri import SessionState
 
@@ -36,3 +37,4 @@ def test_commanding_is_never_entered_from_poor_monitoring() -> None:
 def test_documentation_shows_the_table() -> None:
     page = (Path(__file__).parents[2] / "docs" / "architecture.md").read_text()
     assert diagram() in page, "put hil.core.fri.session.diagram() into docs/architecture.md"
+    assert fine_interpolator.diagram() in page, "put hil.core.motion.fine_interpolator.diagram() there too"

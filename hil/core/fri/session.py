@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Final
 
-from hil.values.errors import IllegalTransition
+from hil.core.state_table import StateTable
 from hil.values.fri import SessionState
 
 _S = SessionState
@@ -38,17 +38,6 @@ TABLE: Final[Mapping[tuple[SessionState, Trigger], SessionState]] = {
     (_S.COMMANDING_ACTIVE, Trigger.SESSION_CLOSED): _S.IDLE,
 }
 
-
-def next_state(state: SessionState, trigger: Trigger) -> SessionState:
-    """Return the state after ``trigger``; raise :class:`IllegalTransition` where the table has none."""
-    try:
-        return TABLE[state, trigger]
-    except KeyError:
-        valid = [known.value for origin, known in TABLE if origin is state]
-        raise IllegalTransition(state.name, trigger.value, valid) from None
-
-
-def diagram() -> str:
-    """Return the table as a Mermaid state diagram, for the documentation."""
-    rows = [f"    {old.name} --> {new.name}: {trigger.value}" for (old, trigger), new in TABLE.items()]
-    return "\n".join(("stateDiagram-v2", "    [*] --> IDLE", *rows))
+_MACHINE: Final = StateTable(_S.IDLE, TABLE)
+next_state = _MACHINE.after
+diagram = _MACHINE.diagram

@@ -8,11 +8,11 @@ from hil.core.motion.axis_range import leaves_range
 from hil.core.motion.motion_limits import admissible
 from hil.core.motion.planner import Plan
 from hil.core.motion.set_point import STILL, SetPoint
-from hil.values.robot import JOINT_COUNT, JointLimits, Seven
+from hil.values.robot import JOINT_COUNT, JointLimits
 
 
 class Brake:
-    """Brakes from a set point with the rated deceleration and jerk, from the acceleration it has where they can carry it.
+    """Brakes from a set point with the rated deceleration and jerk; its acceleration is kept where they can carry it.
 
     Where that would leave an axis range, the acceleration is dropped at once; where it still would, all axes decelerate
     harder instead, uniformly, so that the first axis stops before its end: a drive that has to choose between its rated
@@ -41,10 +41,9 @@ class Brake:
         """Return the set point of the next cycle."""
         if self.at_rest:
             return SetPoint(self._last.position_rad, STILL)
-        self._elapsed_s = min(self._elapsed_s + self._cycle_s, self.duration_s)
-        self._last = self._uniform(self._elapsed_s) if self._plan is None else self._plan.at(self._elapsed_s)
-        if self.at_rest:
-            self._last = SetPoint(self._last.position_rad, STILL)
+        elapsed_s = self._elapsed_s = min(self._elapsed_s + self._cycle_s, self.duration_s)
+        set_point = self._uniform(elapsed_s) if self._plan is None else self._plan.at(elapsed_s)
+        self._last = set_point if elapsed_s < self.duration_s else SetPoint(set_point.position_rad, STILL)
         return self._last
 
     def _uniform(self, at_s: float) -> SetPoint:
@@ -86,8 +85,8 @@ class Brake:
         return plan if fault is None else None
 
     def _uniform_duration(self, start: SetPoint) -> float:
-        """Return the longest time of a uniform deceleration that keeps every axis in range; at least one cycle."""
-        longest = math.inf
+        """Return how long all axes may take without decelerating less than rated, or leaving the range; 0 at rest."""
+        longest, rated = math.inf, 0.0
         for axis, speed in enumerate(start.velocity_rad_s):
             if speed == 0.0:
                 continue
@@ -95,6 +94,6 @@ class Brake:
             room = (
                 self._limits.position_max_rad[axis] - here if speed > 0 else here - self._limits.position_min_rad[axis]
             )
-            rated = abs(speed) / self._limits.acceleration_rad_s2[axis]
-            longest = min(longest, max(2 * room / abs(speed), 0.0), rated if rated > 0 else math.inf)
-        return 0.0 if longest is math.inf else longest
+            longest = min(longest, max(2 * room / abs(speed), 0.0))
+            rated = max(rated, abs(speed) / self._limits.acceleration_rad_s2[axis])
+        return min(longest, rated)

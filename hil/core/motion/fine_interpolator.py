@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Final
 
-from hil.values.errors import IllegalTransition
+from hil.core.state_table import StateTable
 from hil.values.motion import FineInterpolatorState
 
 _S = FineInterpolatorState
@@ -38,17 +38,6 @@ TABLE: Final[Mapping[tuple[FineInterpolatorState, Trigger], FineInterpolatorStat
     (_S.RESTING, Trigger.MOTION_FAILED): _S.ENDED,
 }
 
-
-def next_state(state: FineInterpolatorState, trigger: Trigger) -> FineInterpolatorState:
-    """Return the state after ``trigger``; raise :class:`IllegalTransition` where the table has none."""
-    try:
-        return TABLE[state, trigger]
-    except KeyError:
-        valid = [known.value for origin, known in TABLE if origin is state]
-        raise IllegalTransition(state.name, trigger.value, valid) from None
-
-
-def diagram() -> str:
-    """Return the table as a Mermaid state diagram, for the documentation."""
-    rows = [f"    {old.name} --> {new.name}: {trigger.value}" for (old, trigger), new in TABLE.items()]
-    return "\n".join(("stateDiagram-v2", "    [*] --> MOVING", *rows))
+_MACHINE: Final = StateTable(_S.MOVING, TABLE)
+next_state = _MACHINE.after
+diagram = _MACHINE.diagram

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from hil.core.motion.application_motion import ApplicationMotion
+from hil.core.motion.fine_interpolator import Trigger, next_state
 from hil.core.motion.set_point import SetPoint
 from hil.values.motion import MAX_MOTIONS, Fault, MotionEnd, MotionKind, MotionPhase
 from hil.values.robot import Seven
@@ -132,6 +133,10 @@ class MotionQueue:
         return bool(failed) and failed[0].begun
 
     def _tell(self, entry: Entry, end: MotionEnd, why: Fault, now_ns: int) -> None:
+        motion = entry.motion
+        if not motion.ended:
+            trigger = Trigger.MOTION_FAILED if end is MotionEnd.FAILED else Trigger.MOTION_STOPPED
+            motion.interpolator = next_state(motion.interpolator, trigger)
         ended = EndedMotion(entry.number, entry.motion, now_ns, end, why)
         self._ends.append(ended)
         if self.on_end is not None:
