@@ -59,6 +59,7 @@ class Moving:
     destination: Vector
     destination_at_ns: int
     ticks_to_goal: int = TICKS_TO_GOAL
+    arrives: bool = False
     rested_ns: int = 0
     goals_reached: int = 0
     received: int = 0
@@ -74,6 +75,8 @@ class StandIn:
     refusal: Refused | None = None
     """What it answers hellos with, if not with a welcome."""
     answers_commands: bool = True
+    holds: bool = False
+    """Whether a destination is reached only when the test says so: :meth:`arrive`."""
     now_ns: int = 0
     token: int = 0
     outgoing: list[bytes] = field(default_factory=list)
@@ -161,6 +164,11 @@ class StandIn:
         """Let the first motion fail."""
         self._end(self.motions[0], MotionEnd.FAILED, reason, detail)
 
+    def arrive(self) -> None:
+        """Let the first motion reach its destination with the next tick."""
+        self.motions[0].ticks_to_goal = 1
+        self.motions[0].arrives = True
+
     def report(self, make: Callable[[int], Report]) -> None:
         """Report something."""
         self.told += 1
@@ -217,7 +225,7 @@ class StandIn:
                 self._end(moving, MotionEnd.FAILED, ErrorReason.NUMBER_OF_DOFS, detail)
                 return RequestError.COMMAND_INVALID, ErrorReason.NUMBER_OF_DOFS, detail
             moving.destination, moving.destination_at_ns = request.position, self.now_ns
-            moving.ticks_to_goal, moving.received = TICKS_TO_GOAL, moving.received + 1
+            moving.ticks_to_goal, moving.received, moving.arrives = TICKS_TO_GOAL, moving.received + 1, False
         elif isinstance(request, SetRuntimeParameters) and request.minimum_execution_time_s == 1e9:
             return RequestError.ILLEGAL_ARGUMENT, "too long for a test", "1e9 s"
         return RequestError.NONE, "", ""
@@ -226,9 +234,12 @@ class StandIn:
         if not self.motions:
             return
         moving = self.motions[0]
+        if moving.ticks_to_goal and self.holds and not moving.arrives:
+            return
         if moving.ticks_to_goal:
             moving.ticks_to_goal -= 1
             if not moving.ticks_to_goal:
+                moving.arrives = False
                 moving.goals_reached += 1
                 moving.rested_ns = 0
                 self.position = moving.destination

@@ -8,12 +8,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-from hil.values.servo import FromController
 from tests.support.servo_controller import StandIn
 from transport.servo import ServoCodec
 
 HOST = "127.0.0.1"
 TICK_NS = 1_000_000
+PATIENCE_S = 10.0
 _T = TypeVar("_T")
 
 
@@ -26,7 +26,7 @@ class Served:
     client: tuple[str, int] | None = None
     deaf: bool = False
     """Whether it neither hears nor says anything."""
-    _lock: threading.Lock = field(default_factory=threading.Lock)
+    _lock: threading.Condition = field(default_factory=threading.Condition)
     _over: bool = False
 
     @property
@@ -39,9 +39,10 @@ class Served:
         with self._lock:
             return action(self.controller)
 
-    def send(self, packet: FromController) -> None:
-        """Let it send ``packet`` with the next tick."""
-        self.do(lambda controller: controller.send(packet))
+    def until(self, condition: Callable[[StandIn], bool]) -> None:
+        """Wait until ``condition`` holds of the stand-in; fail if it does not happen."""
+        with self._lock:
+            assert self._lock.wait_for(lambda: condition(self.controller), PATIENCE_S)
 
     def serve(self) -> None:
         """Serve until :meth:`stop`."""
@@ -52,6 +53,7 @@ class Served:
             with self._lock:
                 self.controller.tick()
                 sent = self.controller.fetch()
+                self._lock.notify_all()
             if self.client is not None and not self.deaf:
                 for datagram in sent:
                     self.sock.sendto(datagram, self.client)

@@ -273,7 +273,8 @@ def test_in_t1_no_set_point_moves_the_flange_faster_even_while_braking(seed: int
     bench.run(0.8)
     assert isinstance(bench.backend, RecordingBackend)
     model = ArmModel(load_pinocchio(bench.description.name))
-    speeds = [model.flange_speed_mm_s(command.position_rad, command.velocity_rad_s) for command in bench.backend.commands]
+    commands = bench.backend.commands
+    speeds = [model.flange_speed_mm_s(command.position_rad, command.velocity_rad_s) for command in commands]
     assert max(speeds) <= 250.0 * (1 + 1e-9)
     if bench.controller.stops:
         assert bench.backend.commands[-1].velocity_rad_s == (0.0,) * 7

@@ -39,10 +39,9 @@ from hil.values.servo import (
     StartMotion,
 )
 from tests.support.servo_controller import ROBOT, SOFTWARE, START, TICKS_TO_GOAL, UNIX_EPOCH_NS, StandIn
-from tests.support.servo_served import Served, served
+from tests.support.servo_served import PATIENCE_S, Served, served
 from transport.servo import ServoCodec
 
-PATIENCE_S = 10.0
 KEY = bytes(range(32))
 NOT_ACTIVE = "waitForTransferred called prematurely - RealtimeMotion is not active"
 
@@ -62,6 +61,17 @@ def client(controller: Served) -> Iterator[ServoClient]:
     """A commander."""
     with ServoClient(controller.address, name="test") as robot:
         yield robot
+
+
+@pytest.fixture
+def held(controller: Served) -> Served:
+    """The stand-in, whose motions reach nothing until they are told to."""
+    controller.do(lambda stand_in: setattr(stand_in, "holds", True))
+    return controller
+
+
+def arrive(controller: Served) -> None:
+    controller.do(StandIn.arrive)
 
 
 def smart(client: ServoClient) -> SmartServoRuntime:
@@ -106,6 +116,7 @@ def test_a_whole_session(controller: Served) -> None:
         assert robot.read_state().measured_position == START
         robot.move(PTP(raised(0.1)).set_joint_velocity_rel(0.5))
         assert robot.read_state().measured_position == raised(0.1)
+        controller.do(lambda stand_in: setattr(stand_in, "holds", True))
         motion = SmartServo().set_joint_jerk(500)
         robot.move_async(motion)
         runtime = motion.get_runtime()
@@ -115,6 +126,7 @@ def test_a_whole_session(controller: Served) -> None:
         assert runtime.get_fine_ipo_state() is FineInterpolatorState.MOVING
         assert 0 < runtime.get_remaining_time() <= TICKS_TO_GOAL * 1e-3
         assert not runtime.is_destination_reached()
+        arrive(controller)
         while not runtime.has_fine_ipo_goal_reached():
             runtime.update_with_realtime_system()
         assert runtime.get_remaining_time() == 0.0
@@ -129,18 +141,20 @@ def test_a_whole_session(controller: Served) -> None:
     assert [type(request).__name__ for request in taken[:3]] == ["StartMotion", "StartMotion", "SetDestination"]
     assert isinstance(taken[0], StartMotion)
     assert taken[0].parameters.joint_velocity_rel == 0.5
-    assert controller.do(lambda stand_in: stand_in.left) == 1
+    controller.until(lambda stand_in: stand_in.left == 1)
 
 
-def test_getters_read_the_last_update_only(client: ServoClient, controller: Served) -> None:
+def test_getters_read_the_last_update_only(client: ServoClient, held: Served) -> None:
     runtime = smart(client)
     runtime.set_destination(raised(0.1))
     before = runtime.get_time_stamp_of_update()
-    for _ in range(3):
+    arrive(held)
+    while client.read_state().measured_position != raised(0.1):
         client.wait_for_state()
     assert runtime.get_time_stamp_of_update() == before
     assert runtime.get_fine_ipo_state() is FineInterpolatorState.MOVING
     runtime.update_with_realtime_system()
+    assert runtime.get_fine_ipo_state() is FineInterpolatorState.RESTING
     assert runtime.get_time_stamp_of_update() > before
 
 
@@ -152,7 +166,7 @@ def test_an_update_is_sent_after_the_call(client: ServoClient, controller: Serve
         assert runtime.get_time_stamp_of_update() > called_ns
 
 
-def test_the_three_texts_of_a_runtime(client: ServoClient) -> None:
+def test_the_three_texts_of_a_runtime(client: ServoClient, held: Served) -> None:
     runtime = smart(client)
     runtime.set_destination(raised(0.1))
     short = str(runtime).splitlines()
@@ -256,66 +270,78 @@ def test_a_motion_is_started_again_when_it_has_ended(client: ServoClient, contro
 # Goals
 
 
-def test_goals_are_told_in_the_clients_own_thread(client: ServoClient, controller: Served) -> None:
+def test_goals_are_told_in_the_clients_own_thread(client: ServoClient, held: Served) -> None:
     runtime, listener = smart(client), Listener()
     runtime.set_goal_reached_event_handler(listener)
     at_ns = runtime.set_destination(raised(0.1))
+    arrive(held)
     assert listener.came.acquire(timeout=PATIENCE_S)
     state, position, (seconds, nanoseconds) = listener.heard[0]
     assert (state, position) == ("RESTING", raised(0.1))
     reached_ns = seconds * 10**9 + nanoseconds - UNIX_EPOCH_NS
     assert 0 <= nanoseconds < 10**9
-    assert at_ns < reached_ns <= controller.do(lambda stand_in: stand_in.now_ns)
+    assert at_ns < reached_ns <= held.do(lambda stand_in: stand_in.now_ns)
     assert listener.threads == ["hil servo client"]
     runtime.set_goal_reached_event_handler(None)
     runtime.set_destination(raised(0.2))
+    arrive(held)
     while not runtime.is_destination_reached():
         runtime.update_with_realtime_system()
     assert len(listener.heard) == 1
 
 
-def test_a_handler_may_call_the_client(client: ServoClient, controller: Served) -> None:
+def test_goals_are_told_while_the_application_calls_without_pause(client: ServoClient, held: Served) -> None:
+    runtime, listener = smart(client), Listener()
+    runtime.set_goal_reached_event_handler(listener)
+    arrive(held)
+    while not listener.came.acquire(blocking=False):
+        runtime.update_with_realtime_system()
+    assert listener.threads == ["hil servo client"]
+
+
+def test_a_handler_may_call_the_client(client: ServoClient, held: Served) -> None:
     def act() -> None:
         runtime.update_with_realtime_system()
-        assert runtime.is_destination_reached()
-        if len(listener.heard) < 3:
-            runtime.set_destination(raised(len(listener.heard) * 0.1))
+        reached.append(runtime.is_destination_reached())
+        runtime.set_destination(raised(len(reached) * 0.1))
 
+    reached: list[bool] = []
     runtime, listener = smart(client), Listener(act)
     runtime.set_goal_reached_event_handler(listener)
-    runtime.set_destination(raised(0.0))
     for _ in range(3):
+        arrive(held)
         assert listener.came.acquire(timeout=PATIENCE_S)
-    assert [position for _, position, _ in listener.heard] == [raised(0.0), raised(0.1), raised(0.2)]
-    client.wait_for_state()
+    assert [position for _, position, _ in listener.heard] == [START, raised(0.1), raised(0.2)]
+    assert reached == [True, True, True]
 
 
-def test_what_a_handler_raises_the_next_call_raises(client: ServoClient) -> None:
+def test_what_a_handler_raises_the_next_call_raises(client: ServoClient, held: Served) -> None:
     def fail() -> None:
         if len(listener.heard) == 1:
             raise KeyError("a bug")
 
     runtime, listener = smart(client), Listener(fail)
     runtime.set_goal_reached_event_handler(listener)
-    runtime.set_destination(raised(0.1))
+    arrive(held)
     assert listener.came.acquire(timeout=PATIENCE_S)
     with pytest.raises(KeyError, match="a bug") as caught:
         again_and_again(client.wait_for_state)
     assert caught.value.__notes__ == ["raised by on_goal_reached_event, in the client's own thread or task"]
     runtime.set_destination(raised(0.2))
+    arrive(held)
     assert listener.came.acquire(timeout=PATIENCE_S)
 
 
 @pytest.mark.parametrize("another", [False, True])
-def test_what_a_handler_raised_is_not_lost_when_the_block_ends(controller: Served, another: bool) -> None:
+def test_what_a_handler_raised_is_not_lost_when_the_block_ends(held: Served, another: bool) -> None:
     def fail() -> None:
         raise KeyError("a bug")
 
     def block() -> None:
-        with ServoClient(controller.address) as robot:
+        with ServoClient(held.address) as robot:
             runtime, listener = smart(robot), Listener(fail)
             runtime.set_goal_reached_event_handler(listener)
-            runtime.set_destination(raised(0.1))
+            arrive(held)
             assert listener.came.acquire(timeout=PATIENCE_S)
             if another:
                 raise RuntimeError("another")
@@ -409,12 +435,13 @@ def test_closing_ends_what_other_threads_wait_for(controller: Served) -> None:
         client.read_state()
 
 
-def test_a_handler_may_close_the_client(controller: Served) -> None:
-    client = ServoClient(controller.address)
+def test_a_handler_may_close_the_client(held: Served) -> None:
+    client = ServoClient(held.address)
     client.connect()
     runtime, listener = smart(client), Listener(client.close)
     own_thread = next(thread for thread in threading.enumerate() if thread.name == "hil servo client")
     runtime.set_goal_reached_event_handler(listener)
+    arrive(held)
     assert listener.came.acquire(timeout=PATIENCE_S)
     own_thread.join(PATIENCE_S)
     with pytest.raises(UsageError, match="not open"):
@@ -428,7 +455,7 @@ def test_a_client_connects_again(controller: Served) -> None:
         with client:
             client.move_async(motion)
             motion.get_runtime().set_destination(raised(0.1))
-        assert controller.do(lambda stand_in: stand_in.left) == session
+        controller.until(lambda stand_in, left=session: stand_in.left == left)  # type: ignore[misc]
 
 
 # What goes wrong
@@ -488,7 +515,8 @@ def test_an_observer_sees_states(controller: Served) -> None:
         assert seen == sorted(set(seen))
         assert observer.wait_for_state(PATIENCE_S) is not None
         controller.deaf = True
-        assert observer.wait_for_state(0.05) is None
+        while observer.wait_for_state(0.05) is not None:
+            pass
     hello = controller.do(lambda stand_in: stand_in.hellos[0])
     assert (hello.role, hello.state_period_ms, hello.watchdog_ms) == (Role.OBSERVER, 1, 300)
 

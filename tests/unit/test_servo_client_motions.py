@@ -14,6 +14,7 @@ from hil.client.servo import (
     PTP,
     AsyncDirectServo,
     AsyncPTP,
+    AsyncServoClient,
     AsyncSmartServo,
     CommandInvalidException,
     ConfigurationError,
@@ -163,6 +164,13 @@ async def test_a_motion_that_was_not_started_has_no_runtime_in_asyncio_either() 
         with pytest.raises(IllegalStateException) as caught:
             await call()
         assert str(caught.value) == NOT_ACTIVE
+
+
+async def test_a_motion_of_the_other_kind_of_client_is_refused() -> None:
+    with pytest.raises(IllegalArgumentException, match="AsyncPTP is a motion for AsyncServoClient, not for Serv"):
+        ServoClient().move(AsyncPTP(START))  # type: ignore[arg-type]
+    with pytest.raises(IllegalArgumentException, match="PTP is a motion for ServoClient, not for AsyncServoCl"):
+        await AsyncServoClient().move_async(PTP(START))  # type: ignore[arg-type]
 
 
 # Errors

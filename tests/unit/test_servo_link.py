@@ -6,7 +6,13 @@ import pytest
 
 from hil.core.events import ApplicationJoined, ApplicationLeft, ArmStopped
 from hil.core.servo.link import MAX_ANSWERS
-from hil.core.servo.sessions import MAX_OBSERVERS, MAX_OFFERS, MAX_WAITING_REQUESTS, TokenSource
+from hil.core.servo.sessions import (
+    MAX_OBSERVERS,
+    MAX_OFFERS,
+    MAX_WAITING_REQUESTS,
+    OBSERVER_STATES_A_CYCLE,
+    TokenSource,
+)
 from hil.core.settings import ServoSettings
 from hil.values.errors import ConfigurationError
 from hil.values.link import Address
@@ -231,6 +237,29 @@ def test_any_number_of_observers_watch_and_none_commands() -> None:
     application.run(0.02)
     assert [seen.motion for seen in observers[5].states[-1].snapshot.motions] == [motion]
     assert bench.link.report()["observers"] == MAX_OBSERVERS
+
+
+def test_many_observers_take_turns_and_cost_a_cycle_no_more_than_a_few() -> None:
+    bench = ServoBench()
+    application = Application(bench, state_period_ms=1)
+    application.join()
+    observers = [
+        Application(
+            bench, address=Address("127.0.0.1", 41000 + index), role=Role.OBSERVER, watchdog_ms=5000, state_period_ms=1
+        )
+        for index in range(40)
+    ]
+    for observer in observers:
+        observer.join()
+        application.command()
+    before = {observer.address: len(observer.states) for observer in observers}
+    for _ in range(100):
+        sent = bench.link.counters.sent
+        application.command()
+        bench.cycle()
+        assert bench.link.counters.sent - sent == 1 + OBSERVER_STATES_A_CYCLE
+    shares = {len(observer.states) - before[observer.address] for observer in observers}
+    assert shares == {100 * OBSERVER_STATES_A_CYCLE // len(observers)}
 
 
 def test_an_observer_that_leaves_or_falls_silent_disturbs_nobody() -> None:

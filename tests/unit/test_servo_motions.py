@@ -8,14 +8,16 @@ import pytest
 
 from backends.ideal import IdealBackend
 from backends.mujoco import MujocoBackend
+from backends.robots import load_pinocchio
 from hil.core.controller import FRI_LINK
 from hil.core.events import MotionBegan, MotionOver
+from hil.core.model import ArmModel
 from hil.core.motion.executive import Phase
 from hil.core.motion.queue import BLENDED, REACHED, RESTED, STOPPED
 from hil.core.servo.requests import NOT_ACTIVE
 from hil.core.settings import FriSettings, ReactionSettings
 from hil.values.arm import ArmState, JointCommand
-from hil.values.fri import Release, SessionState
+from hil.values.fri import OperationMode, Release, SessionState
 from hil.values.link import Source
 from hil.values.motion import (
     MAX_MOTIONS,
@@ -388,6 +390,21 @@ def test_velocity_goes_on_after_the_goal_for_its_timeout() -> None:
     rested = application.bench.commanded(0)[-1]
     assert rested > goal + 0.2 * speed
     assert application.bench.commanded(0)[-2] == rested
+
+
+def test_in_t1_a_motion_that_is_too_fast_ends_with_the_manuals_reason() -> None:
+    application = joined(mode=OperationMode.T1)
+    parameters = MotionParameters(joint_jerk_percent=500, acceleration_override=20)
+    application.start(MotionKind.SMART_SERVO, offset(start_of(application), A1=1.5), parameters)
+    application.run_until(lambda: bool(application.ends))
+    end = application.ends[0]
+    assert (end.end, end.reason) == (MotionEnd.FAILED, ErrorReason.COMMANDED_T1)
+    assert "mm/s, the limit is 250 mm/s" in end.detail
+    application.run(1.0)
+    assert application.bench.controller.motion.at_rest
+    model = ArmModel(load_pinocchio("lbr-iiwa-14-r820"))
+    commands = application.bench.backend.commands  # type: ignore[attr-defined]
+    assert max(model.flange_speed_mm_s(command.position_rad, command.velocity_rad_s) for command in commands) <= 250.0
 
 
 class StuckArm(IdealBackend):

@@ -8,7 +8,7 @@ from hil.client.servo import _operations as operations
 from hil.client.servo._link import ClientShell, address_of, not_open, open_socket
 from hil.client.servo._operations import Operation
 from hil.client.servo._reader import Reader
-from hil.client.servo.errors import CALLED_PREMATURELY, IllegalStateException
+from hil.client.servo.errors import CALLED_PREMATURELY, IllegalStateException, wrong_client
 from hil.client.servo.motions import DirectServoMotion, Motion, PtpMotion, SmartServoMotion
 from hil.client.servo.runtime import ServoRuntime
 from hil.client.servo.session import MotionRecord, Update
@@ -95,8 +95,10 @@ class AsyncMotion(Motion):
 
     _client: AsyncServoClient | None = None
 
-    def bind(self, client: AsyncServoClient) -> None:
+    def bind(self, client: object) -> None:
         """Belong to ``client`` from now on; raise :class:`IllegalStateException` if it runs or waits."""
+        if not isinstance(client, AsyncServoClient):
+            raise wrong_client(self, client, needed=AsyncServoClient)
         self.must_not_run("it may be started again when it has ended")
         self._client = client
 

@@ -8,7 +8,7 @@ from hil.client.servo import _operations as operations
 from hil.client.servo._link import ClientShell, address_of, not_open, open_socket
 from hil.client.servo._operations import Operation
 from hil.client.servo._pump import Pump
-from hil.client.servo.errors import CALLED_PREMATURELY, IllegalStateException
+from hil.client.servo.errors import CALLED_PREMATURELY, IllegalStateException, wrong_client
 from hil.client.servo.motions import DirectServoMotion, Motion, PtpMotion, SmartServoMotion
 from hil.client.servo.runtime import ServoRuntime
 from hil.client.servo.session import MotionRecord, Update
@@ -103,8 +103,10 @@ class BlockingMotion(Motion):
 
     _client: ServoClient | None = None
 
-    def bind(self, client: ServoClient) -> None:
+    def bind(self, client: object) -> None:
         """Belong to ``client`` from now on; raise :class:`IllegalStateException` if it runs or waits."""
+        if not isinstance(client, ServoClient):
+            raise wrong_client(self, client, needed=ServoClient)
         self.must_not_run("it may be started again when it has ended")
         self._client = client
 

@@ -96,6 +96,13 @@ class SessionEnded(EndpointError):
         super().__init__(f"the session with the controller is over: {reason}")
 
 
+def wrong_client(motion: object, client: object, *, needed: type[object]) -> IllegalArgumentException:
+    """Return the error of a blocking motion in the hands of an asyncio client, or the other way round."""
+    return IllegalArgumentException(
+        f"{type(motion).__name__} is a motion for {needed.__name__}, not for {type(client).__name__}"
+    )
+
+
 def _note(error: BaseException, detail: str) -> None:
     if detail:
         error.add_note(detail)

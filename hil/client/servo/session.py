@@ -222,13 +222,15 @@ class ServoSession:
         return self._codec.encode_from_client(Goodbye(self._token, self._sequence))
 
     def end(self, reason: str) -> None:
-        """The session is over, and its motions with it."""
-        self.phase = SessionPhase.OVER
-        self.ended_because = reason or "the controller gave no reason"
+        """The session is over, and its motions with it; the first reason counts."""
+        if self.over:
+            return
+        self.ended_because = reason
         self._due = False
         for record in self.motions.values():
             record.ended = MotionEnded(0, record.number, 0, MotionEnd.FAILED, "the session is over", reason)
         self.motions.clear()
+        self.phase = SessionPhase.OVER
 
     def receive(self, datagram: bytes) -> None:
         """Take a datagram."""
@@ -241,7 +243,7 @@ class ServoSession:
         self.outcomes[outcome] += 1
         if outcome is not Outcome.ACCEPTED:
             return
-        self.phase = PHASES[self.phase, type(packet)]
+        phase = PHASES[self.phase, type(packet)]
         if isinstance(packet, State):
             self._take_state(packet)
         elif isinstance(packet, Welcome):
@@ -250,7 +252,8 @@ class ServoSession:
         elif isinstance(packet, Refused):
             self.refusal = packet
         else:
-            self.end(packet.reason)
+            self.end(packet.reason or "the controller gave no reason")
+        self.phase = phase
 
     def _outcome(self, packet: FromController) -> Outcome:
         if (self.phase, type(packet)) not in PHASES:

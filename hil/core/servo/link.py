@@ -136,12 +136,7 @@ class ServoLink:
         packets = [self._send(address, answer) for address, answer in self._answers]
         self._answers.clear()
         shown = None
-        for session in self._sessions:
-            if session.cycles_until_state > 0 and not session.wants_state:
-                session.cycles_until_state -= 1
-                continue
-            session.cycles_until_state = session.state_period_cycles - 1
-            session.wants_state = False
+        for session in self._sessions.due_for_state():
             if shown is None:
                 shown = snapshot(
                     arm=arm,

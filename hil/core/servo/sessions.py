@@ -17,6 +17,8 @@ from hil.values.servo import Hello, Request, Role
 MAX_OFFERS = 64
 MAX_OBSERVERS = 64
 MAX_WAITING_REQUESTS = 64
+OBSERVER_STATES_A_CYCLE = 4
+"""State packets for observers in one cycle; with more observers than that they take turns, and nobody slows the arm."""
 
 
 @dataclass(slots=True)
@@ -72,7 +74,7 @@ class SessionTable:
         self._cycle_ms = cycle_ms
         self._offers: OrderedDict[tuple[Address, int], Session] = OrderedDict()
         self._offered: dict[int, tuple[Address, int]] = {}
-        self._sessions: dict[int, Session] = {}
+        self._sessions: OrderedDict[int, Session] = OrderedDict()
         self._left: deque[tuple[int, Address]] = deque(maxlen=MAX_OFFERS)
         self.commander: Session | None = None
 
@@ -133,6 +135,26 @@ class SessionTable:
         self._left.append((session.token, session.address))
         if self.commander is session:
             self.commander = None
+
+    def due_for_state(self) -> list[Session]:
+        """Return the sessions that get a state packet in this cycle: those due, but of the observers only a few."""
+        due, served = [], []
+        for session in self._sessions.values():
+            if session.cycles_until_state > 0:
+                session.cycles_until_state -= 1
+                if not session.wants_state:
+                    continue
+            if session.role is Role.OBSERVER:
+                if len(served) >= OBSERVER_STATES_A_CYCLE:
+                    continue
+                served.append(session)
+            session.cycles_until_state = session.state_period_cycles - 1
+            session.wants_state = False
+            due.append(session)
+        if served and self.observers > OBSERVER_STATES_A_CYCLE:
+            for session in served:
+                self._sessions.move_to_end(session.token)
+        return due
 
     def overdue(self, *, now_ns: int) -> list[Session]:
         """Return the sessions that have been silent for longer than their watchdogs allow."""
