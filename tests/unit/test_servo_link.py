@@ -230,11 +230,13 @@ def test_any_number_of_observers_watch_and_none_commands() -> None:
     late = Application(bench, address=OTHER, role=Role.OBSERVER).hello()
     assert isinstance(late, Refused)
     assert late.reason == f"{MAX_OBSERVERS} observers watch already, no more are served"
-    [done] = observers[0].ask(lambda number: StartMotion(number, MotionKind.SMART_SERVO, MotionParameters(), None))
+    observers[0].command(StartMotion(1, MotionKind.SMART_SERVO, MotionParameters(), None))
+    application.run(0.05)
+    [done] = observers[0].done
     assert done.error is RequestError.ILLEGAL_STATE
     assert done.reason == "an observer may watch, not command; connect as commander"
     motion = application.start(MotionKind.SMART_SERVO)
-    application.run(0.02)
+    application.run(0.05)
     assert [seen.motion for seen in observers[5].states[-1].snapshot.motions] == [motion]
     assert bench.link.report()["observers"] == MAX_OBSERVERS
 
