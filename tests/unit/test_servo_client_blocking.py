@@ -123,6 +123,7 @@ def test_a_whole_session(controller: Served) -> None:
         at_ns = runtime.set_destination(np.array(raised(0.2)))
         assert runtime.get_time_stamp_of_set_realtime_destination() == at_ns
         assert runtime.get_current_joint_destination() == raised(0.2)
+        assert (runtime.motion_state.phase, runtime.motion_state.received) == (MotionPhase.ACTIVE, 1)
         assert runtime.get_fine_ipo_state() is FineInterpolatorState.MOVING
         assert 0 < runtime.get_remaining_time() <= TICKS_TO_GOAL * 1e-3
         assert not runtime.is_destination_reached()
@@ -138,7 +139,13 @@ def test_a_whole_session(controller: Served) -> None:
         with pytest.raises(CommandInvalidException, match="because stopped by the application"):
             runtime.update_with_realtime_system()
     taken = controller.do(lambda stand_in: stand_in.taken)
-    assert [type(request).__name__ for request in taken[:3]] == ["StartMotion", "StartMotion", "SetDestination"]
+    # Stopping what is known to have ended asks for nothing.
+    assert [type(request).__name__ for request in taken] == [
+        "StartMotion",
+        "StartMotion",
+        "SetDestination",
+        "StopMotion",
+    ]
     assert isinstance(taken[0], StartMotion)
     assert taken[0].parameters.joint_velocity_rel == 0.5
     controller.until(lambda stand_in: stand_in.left == 1)

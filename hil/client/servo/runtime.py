@@ -16,7 +16,15 @@ from hil.client.servo.session import MotionRecord, Update
 from hil.client.servo.statistic_timer import StatisticTimer
 from hil.values.errors import OutOfRange
 from hil.values.motion import MINIMUM_EXECUTION_TIME, FineInterpolatorState, MotionKind
-from hil.values.servo import GoalReached, Request, RequestDone, SetDestination, SetRuntimeParameters, Vector
+from hil.values.servo import (
+    GoalReached,
+    MotionState,
+    Request,
+    RequestDone,
+    SetDestination,
+    SetRuntimeParameters,
+    Vector,
+)
 
 _NS_PER_S: Final = 10**9
 
@@ -80,6 +88,11 @@ class ServoRuntime:
     def get_axis_q_msr_on_controller(self) -> Vector:
         """Measured axis positions in rad."""
         return self._update.snapshot.measured_position
+
+    @property
+    def motion_state(self) -> MotionState:
+        """The motion as the last update showed it; ours, for its phase and the accounts of its destinations."""
+        return self._update.motion
 
     def set_detailed_output(self, level_of_verbosity: int) -> None:
         """Choose how much ``str()`` of the runtime says: 1 (default), 2 or 3."""

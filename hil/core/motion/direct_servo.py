@@ -1,6 +1,27 @@
 """DirectServo: a velocity-limited digital filter from the present position to the newest destination (manual 3.1.1).
 
-XXX
+Planning is the application's; this only makes of its destinations what the drives can do. Each axis is for itself.
+
+- **Order and pole**: second order, two equal real poles at 100 rad/s, the frequency of the MuJoCo arm's position loop.
+  Destinations that jump by less than 0.1 to 0.4 degrees meet nothing else.
+- **Delay**: a ramp is followed 20 ms late, less one cycle, after the dead time (measured on the iiwa 7 in cycles of
+  1 ms: set point 19.0 ms, arm 19.1 ms). Above 0.3 rad/s (A2) to 1.3 rad/s (A1, A5) the distance grows with the square
+  of the velocity, because an axis keeps the way it needs to brake for its destination. With the default reaction time
+  the 5 degrees are enough for ramps of 85 % of the axis velocity on A2, 88 % on A4, 53 % on A6 and A7 of size 7, 75 %
+  on A6 and 77 % on A7 of size 14, and 100 % on the other axes (measured).
+- **Limits**: axis velocity x velocity rel, and an acceleration: 20 times SmartServo's base, which is what an unloaded
+  arm can do. The jerk is not limited. The same poles without a limit of acceleration are more than the arm can follow:
+  in a step of 5 degrees the iiwa 7 ran past its destination by 2.4 degrees (A2) and was within 0.05 degrees of it after
+  235 ms. With the limit it runs past by 0.012 degrees and is there after 143 ms (A2) or 94 ms (A5), and it is never
+  farther behind than it moves in a cycle (3.3 mrad; all robots, steps of 1 to 5 degrees, pose of manual 7.12).
+- **Overshoot**: the set point has none in a step from rest, saturated or not. Where the destination is moved while an
+  axis moves, the axis may pass it. It never leaves its range.
+- **Settling**: a step of 5 degrees is reached exactly after 119 ms (A5) to 183 ms (A2) on size 7, 118 ms to 155 ms on
+  size 14, in cycles of 1 ms.
+
+A minimum execution time lowers the velocity, for each destination, to distance / time until the time is over. There is
+no velocity after the destination, so the speed timeout and velocity planning mean nothing here; nor do acceleration
+rel, override and jerk (manual 7.8, 9.2.1).
 """
 
 from hil.core.motion.application_motion import MotionBasis
@@ -37,7 +58,7 @@ class DirectServo(ServoMotion):
         self._filter: DirectFilter
 
     def remaining_s(self, *, now_ns: int) -> float:
-        """Return about how long it takes until the last destination is reached (within 20 ms; it may be less)."""
+        """Return about how long it takes until the last destination is reached; from rest true to 25 ms."""
         if self.interpolator is not FineInterpolatorState.MOVING:
             return 0.0
         if not self._line:

@@ -1,0 +1,167 @@
+"""The client's operations in virtual time, and over a channel that loses, repeats and reorders a third."""
+
+from dataclasses import dataclass, field
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hil.client.servo import CommandInvalidException, EndpointError, IllegalStateException, SessionEnded, SmartServo
+from hil.client.servo import _operations as operations
+from hil.client.servo._operations import Operation, Wait
+from hil.values.servo import GoalReached, MotionEnded, SetDestination
+from tests.support.servo_client import Channel, VirtualShell, connected, destination, tell
+from tests.support.servo_controller import START
+
+# Operations
+
+
+def test_an_ended_session_ends_every_call_with_its_reason() -> None:
+    shell = connected()
+    motion = shell.start()
+    record = motion.record
+    assert record is not None
+    updating = operations.update(record)
+    wait = next(updating)
+    shell.controller.end("silent for 400 ms, the watchdog allows 300 ms")
+    with pytest.raises(SessionEnded, match="is over: silent for 400 ms") as caught:
+        updating.send(shell.wait(wait))
+    assert caught.value.reason == "silent for 400 ms, the watchdog allows 300 ms"
+    for operation in (
+        operations.update(record),
+        operations.stop(record),
+        operations.finished(record, timeout_s=1.0),
+        operations.transferred(record, timeout_s=1.0),
+        operations.start(shell.session, SmartServo()),
+        operations.next_state(shell.session, after=shell.session.states, timeout_s=1.0),
+    ):
+        with pytest.raises(SessionEnded):
+            shell.run(operation)
+    assert not motion.started
+
+
+def test_a_request_that_gets_no_outcome_while_states_come_is_given_up() -> None:
+    shell = connected()
+    shell.controller.answers_commands = False
+    with pytest.raises(EndpointError, match="did not answer a request within 10 s, though it sends states"):
+        shell.run(operations.start(shell.session, SmartServo()))
+    record = shell.session.motions[1]
+    with pytest.raises(EndpointError, match="sent no fresh state of the motion within 10 s"):
+        shell.run(operations.update(record))
+
+
+def test_a_motion_that_ended_before_its_report_came_is_told_to_be_over() -> None:
+    shell = connected()
+    record = shell.start().record
+    assert record is not None
+    updating = operations.update(record)
+    wait = next(updating)
+    # Shown without the motion, and without the report of its end, which is still to come.
+    state = shell.controller.state()
+    tell(shell.session, state._replace(reflected_sequence=100, snapshot=state.snapshot._replace(motions=())))
+    assert not wait.until()
+    shell.controller.fail("tracking error", "A3 is 0.2 rad behind")
+    with pytest.raises(CommandInvalidException) as caught:
+        updating.send(shell.wait(wait))
+    assert str(caught.value) == "Command is no longer active, because tracking error"
+    assert (caught.value.error_reason, caught.value.detail) == ("tracking error", "A3 is 0.2 rad behind")
+    assert caught.value.__notes__ == ["A3 is 0.2 rad behind"]
+
+
+# Loss
+
+
+@dataclass
+class Story:
+    """What a run of the script came to: all that must not depend on the channel."""
+
+    done: list[str] = field(default_factory=list)
+    goals: list[tuple[int, tuple[float, ...]]] = field(default_factory=list)
+    ends: list[tuple[int, str]] = field(default_factory=list)
+    taken: list[str] = field(default_factory=list)
+
+
+def play(shell: VirtualShell, values: list[float], wrong: bool) -> Story:
+    """Start a motion, address each value in turn, let the last motion end, or fail, in one of three ways."""
+    story = Story()
+    shell.connect()
+    session = shell.session
+
+    def attempt(what: str, operation: Operation[object]) -> None:
+        try:
+            result = shell.run(operation)
+        except (CommandInvalidException, IllegalStateException) as error:
+            story.done.append(f"{what}: {error}")
+        else:
+            story.done.append(f"{what}: {result if isinstance(result, bool) else 'taken'}")
+
+    motion, second = SmartServo(), SmartServo()
+    attempt("start", operations.start(session, motion))
+    attempt("start", operations.start(session, second))
+    record, waiting = motion.record, second.record
+    assert record is not None
+    assert waiting is not None
+    for value in values:
+        goals = sum(isinstance(report, GoalReached) for report in session.taken)
+        attempt("set", operations.change(record, destination(record.number, value)))
+        shell.until(lambda goals=goals: sum(isinstance(report, GoalReached) for report in session.taken) > goals)  # type: ignore[misc]
+        attempt("update", operations.update(record))
+    attempt("stop too early", operations.stop(waiting))
+    if wrong:
+        attempt("wrong", operations.change(record, lambda number: SetDestination(number, record.number, (1.0,))))
+    attempt("stop", operations.stop(record))
+    attempt("stop again", operations.stop(record))
+    attempt("set after the end", operations.change(record, destination(record.number, 0.0)))
+    attempt("second", operations.transferred(waiting, timeout_s=10.0))
+    attempt("second stops", operations.stop(waiting))
+    shell.until(lambda: waiting.ended is not None)
+    for report in session.taken:
+        if isinstance(report, GoalReached):
+            story.goals.append((report.motion, report.position))
+        elif isinstance(report, MotionEnded):
+            story.ends.append((report.motion, report.reason))
+    story.taken = [type(request).__name__ for request in shell.controller.taken]
+    return story
+
+
+@settings(max_examples=150)
+@given(
+    seed=st.integers(0, 2**32),
+    values=st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=6),
+    wrong=st.booleans(),
+)
+def test_loss_repetition_and_reordering_cost_time_and_nothing_else(seed: int, values: list[float], wrong: bool) -> None:
+    undisturbed = VirtualShell()
+    disturbed = VirtualShell(Channel(seed), Channel(seed + 1))
+    # The goal the second motion may or may not reach before it is stopped depends on time: it is left out.
+    stories = [play(shell, values, wrong) for shell in (undisturbed, disturbed)]
+    for story in stories:
+        story.goals = [goal for goal in story.goals if goal[0] == 1][-len(values) :]
+    assert stories[0] == stories[1]
+    assert disturbed.ticks > undisturbed.ticks
+    for shell in (undisturbed, disturbed):
+        numbers = [report.number for report in shell.session.taken]
+        assert numbers == list(range(1, len(numbers) + 1))
+        assert shell.session.reports_lost == 0
+
+
+@given(seed=st.integers(0, 2**32), count=st.integers(1, 200), each=st.integers(1, 5))
+def test_a_burst_of_destinations_over_a_bad_channel_ends_with_the_last_one(seed: int, count: int, each: int) -> None:
+    shell = VirtualShell(Channel(seed), Channel(seed + 1))
+    shell.connect()
+    record = shell.start().record
+    assert record is not None
+    asked = []
+    for place in range(count):
+        asked.append(shell.session.ask(destination(record.number, place * 1e-3)))
+        if place % each == 0:
+            shell.tick()
+    shell.until(lambda: asked[-1].done is not None)
+    assert all(pending.done is not None for pending in asked)
+    shell.wait(Wait(lambda: False, 0.5))
+    taken = [request for request in shell.controller.taken if isinstance(request, SetDestination)]
+    numbers = [request.number for request in taken]
+    assert numbers == sorted(set(numbers))
+    assert taken[-1].position == ((count - 1) * 1e-3, *START[1:])
+    assert len(taken) + shell.session.requests.superseded >= count
+    assert len(shell.session.requests) == 0
