@@ -114,7 +114,7 @@ def assert_in_range(run: Run) -> None:
 
 
 def assert_no_jump(run: Run, *, start: int = 0, hardest: float = 1.0) -> None:
-    """Position is continuous and the integral of velocity; velocity changes no faster than ``hardest`` x any motion may.
+    """Position is continuous, the integral of velocity, which changes no faster than ``hardest`` x any motion may.
 
     From the set point ``start`` on: with 0 the one that was taken over is among them.
     """

@@ -33,8 +33,8 @@ from hil.client.servo import (
     StatisticTimer,
     UsageError,
 )
-from hil.client.servo.motions import MAX_VECTOR, Motion
-from hil.values.servo import StartMotion
+from hil.client.servo.motions import Motion
+from hil.values.servo import MAX_VECTOR_NUMBERS, StartMotion
 from tests.support.servo_controller import START
 
 NOT_ACTIVE = "waitForTransferred called prematurely - RealtimeMotion is not active"
@@ -133,7 +133,7 @@ def test_destinations_are_any_sequence_and_travel_as_they_are() -> None:
     wrong = SmartServo([math.nan] * 8).destination
     assert wrong is not None
     assert len(wrong) == 8
-    assert len(PTP([0.0] * MAX_VECTOR).destination or ()) == MAX_VECTOR
+    assert len(PTP([0.0] * MAX_VECTOR_NUMBERS).destination or ()) == MAX_VECTOR_NUMBERS
 
 
 @pytest.mark.parametrize(

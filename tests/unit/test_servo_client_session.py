@@ -18,11 +18,11 @@ from hil.client.servo import (
 from hil.client.servo import _operations as operations
 from hil.client.servo._operations import Wait
 from hil.client.servo._requests import MAX_OUTSTANDING
-from hil.client.servo.motions import MAX_VECTOR
 from hil.client.servo.session import PHASES, SessionPhase
 from hil.values.outcomes import Outcome
 from hil.values.servo import (
     MAX_REQUESTS_IN_PACKET,
+    MAX_VECTOR_NUMBERS,
     PROTOCOL_VERSION,
     Command,
     Ended,
@@ -246,11 +246,11 @@ def test_an_outcome_the_controller_gave_up_is_said_to_be_lost() -> None:
 
 
 def test_what_a_call_lets_through_the_codec_can_send() -> None:
-    longest = SmartServo([1e308] * MAX_VECTOR).request(1)
+    longest = SmartServo([1e308] * MAX_VECTOR_NUMBERS).request(1)
     taken = CODEC.decode_from_client(CODEC.encode_from_client(Command(1, 1, 0, requests=(longest,))))
     assert isinstance(taken, Command)
     assert taken.requests == (longest,)
-    too_long = longest._replace(destination=(0.0,) * (MAX_VECTOR + 1))
+    too_long = longest._replace(destination=(0.0,) * (MAX_VECTOR_NUMBERS + 1))
     with pytest.raises(ConfigurationError):
         CODEC.encode_from_client(Command(1, 1, 0, requests=(too_long,)))
 

@@ -34,7 +34,14 @@ def test_commanding_is_never_entered_from_poor_monitoring() -> None:
     assert origins == {SessionState.MONITORING_READY}
 
 
-def test_documentation_shows_the_table() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "architecture.md").read_text()
-    assert diagram() in page, "put hil.core.fri.session.diagram() into docs/architecture.md"
-    assert fine_interpolator.diagram() in page, "put hil.core.motion.fine_interpolator.diagram() there too"
+@pytest.mark.parametrize(
+    ("page", "shown"),
+    [
+        ("architecture.md", diagram()),
+        ("architecture.md", fine_interpolator.diagram()),
+        ("servo-api.md", fine_interpolator.diagram()),
+    ],
+)
+def test_documentation_shows_the_tables(page: str, shown: str) -> None:
+    text = (Path(__file__).parents[2] / "docs" / page).read_text()
+    assert shown in text, "put the diagram() of the table into the page"

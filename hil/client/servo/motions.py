@@ -7,7 +7,7 @@ answers with the manual's errors.
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import ClassVar, Final, Self
+from typing import ClassVar, Self
 
 from hil.client.servo.errors import IllegalArgumentException, IllegalStateException
 from hil.client.servo.session import MotionRecord
@@ -23,10 +23,7 @@ from hil.values.motion import (
     MotionKind,
     MotionParameters,
 )
-from hil.values.servo import StartMotion, Vector
-
-MAX_VECTOR: Final = 32
-"""Numbers a vector may have on the servo link."""
+from hil.values.servo import MAX_VECTOR_NUMBERS, StartMotion, Vector
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +37,8 @@ def vector(name: str, values: Iterable[float]) -> Vector:
         numbers = tuple(map(float, values))
     except (TypeError, ValueError):
         raise IllegalArgumentException(f"{name} is {values!r}; a sequence of seven numbers is needed") from None
-    if len(numbers) > MAX_VECTOR:
-        raise IllegalArgumentException(f"{name} has {len(numbers)} numbers; at most {MAX_VECTOR} can be sent")
+    if len(numbers) > MAX_VECTOR_NUMBERS:
+        raise IllegalArgumentException(f"{name} has {len(numbers)} numbers; at most {MAX_VECTOR_NUMBERS} can be sent")
     return numbers
 
 

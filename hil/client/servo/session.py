@@ -247,8 +247,7 @@ class ServoSession:
         if isinstance(packet, State):
             self._take_state(packet)
         elif isinstance(packet, Welcome):
-            self.welcome, self.refusal = packet, None
-            self._token, self._knocks, self._due = packet.token, 0, True
+            self._take_welcome(packet)
         elif isinstance(packet, Refused):
             self.refusal = packet
         else:
@@ -267,6 +266,18 @@ class ServoSession:
         if isinstance(packet, Ended):
             return Outcome.ACCEPTED if packet.token == self._token else Outcome.UNKNOWN_SESSION
         return Outcome.ACCEPTED if packet.nonce == self._hello.nonce else Outcome.UNKNOWN_SESSION
+
+    def _take_welcome(self, welcome: Welcome) -> None:
+        if welcome.version != PROTOCOL_VERSION:
+            self.phase = SessionPhase.GREETING
+            reason = (
+                f"the controller ({welcome.software}) speaks version {welcome.version} of the servo link, this "
+                f"application version {PROTOCOL_VERSION}: install the same fri-hil on both sides"
+            )
+            self.refusal = Refused(welcome.version, welcome.nonce, reason, try_again=False)
+            return
+        self.welcome, self.refusal = welcome, None
+        self._token, self._knocks, self._due = welcome.token, 0, True
 
     def _take_state(self, state: State) -> None:
         self.states += 1

@@ -55,6 +55,7 @@ def extremes(profile: Any) -> tuple[float, float]:
     """Return the lowest and the highest position of one axis' profile."""
     brake = profile.brake
     positions = [profile.pf, *profile.p]
+    positions += [position for duration, position in zip(brake.t, brake.p, strict=True) if duration > 0.0]
     phases = chain(
         zip(brake.t, brake.p, brake.v, brake.a, brake.j, strict=True),
         # Positions, velocities and accelerations have one entry more: the end.

@@ -104,11 +104,14 @@ class MotionExecutive:
 
         A fault is one of the application's motion; the caller ends it with :meth:`brake` and asks again.
         """
-        if self.applications and self.phase is not Phase.BRAKING:
-            fault = self._hand_over(measured_rad=measured_rad, now_ns=now_ns)
-            if fault is not None:
-                return fault
-            active = self.applications.active
+        applications = self.applications
+        if applications and self.phase is not Phase.BRAKING:
+            active = applications.active
+            if active is None or (len(applications) > 1 and applications.next_blends(now_ns=now_ns)):
+                fault = self._hand_over(measured_rad=measured_rad, now_ns=now_ns)
+                if fault is not None:
+                    return fault
+                active = applications.active
             if active is not None:
                 return active.motion.interpolate(now_ns=now_ns, started_ns=started_ns)
         return self._motion.interpolate()
@@ -126,10 +129,10 @@ class MotionExecutive:
         return False
 
     def _hand_over(self, *, measured_rad: Seven, now_ns: int) -> Fault | None:
-        """Begin the motion whose turn it is, if any; return why it cannot begin."""
-        if self.applications.next_blends(now_ns=now_ns):
+        """Begin the motion whose turn it is, blended into or not; return why it cannot begin."""
+        if self.applications.active is not None:
             self.applications.finish(now_ns=now_ns, blended=True)
-        if self.applications.active is not None or self.phase is Phase.OVERLAY:
+        if self.phase is Phase.OVERLAY:
             return None
         if self.phase is not Phase.APPLICATION:
             self._enter(Phase.APPLICATION)

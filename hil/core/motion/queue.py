@@ -48,6 +48,8 @@ class MotionQueue:
     def __init__(self) -> None:
         self._entries: deque[Entry] = deque()
         self._ends: deque[EndedMotion] = deque(maxlen=REMEMBERED_ENDS)
+        self.active: Entry | None = None
+        """The motion that has the arm; an attribute, because every cycle asks for it several times."""
         self.on_begin: Callable[[Entry, int], None] | None = None
         self.on_end: Callable[[EndedMotion], None] | None = None
         self.started = 0
@@ -63,11 +65,6 @@ class MotionQueue:
     def full(self) -> bool:
         """Whether one more motion must be refused."""
         return len(self._entries) >= MAX_MOTIONS
-
-    @property
-    def active(self) -> Entry | None:
-        """The motion that has the arm."""
-        return self._entries[0] if self._entries and self._entries[0].begun else None
 
     def add(self, number: int, motion: ApplicationMotion) -> None:
         """Queue ``motion`` behind the others."""
@@ -97,7 +94,7 @@ class MotionQueue:
 
     def begin_next(self, start: SetPoint, *, measured_rad: Seven, now_ns: int) -> Fault | None:
         """Let the first motion take over from ``start``; return why it cannot."""
-        entry = self._entries[0]
+        entry = self.active = self._entries[0]
         entry.begun = True
         self.started += 1
         if self.on_begin is not None:
@@ -106,20 +103,20 @@ class MotionQueue:
 
     def next_blends(self, *, now_ns: int) -> bool:
         """Whether the active PTP has come so near to its point that the PTP behind it takes over."""
-        if len(self._entries) < 2 or self._entries[1].motion.kind is not MotionKind.PTP:
+        if self.active is None or len(self._entries) < 2 or self._entries[1].motion.kind is not MotionKind.PTP:
             return False
-        return self._entries[0].begun and self._entries[0].motion.blend_begins(now_ns=now_ns)
+        return self.active.motion.blend_begins(now_ns=now_ns)
 
     def finish(self, *, now_ns: int, blended: bool = False) -> None:
         """The active motion is over by itself."""
-        entry = self._entries.popleft()
+        entry = self._take_active()
         reached = BLENDED if blended else REACHED
         why = Fault(reached if entry.motion.kind is MotionKind.PTP else RESTED)
         self._tell(entry, MotionEnd.FINISHED, why, now_ns)
 
     def stop_active(self, *, now_ns: int) -> None:
         """The application stopped the active motion."""
-        self._tell(self._entries.popleft(), MotionEnd.STOPPED, Fault(STOPPED), now_ns)
+        self._tell(self._take_active(), MotionEnd.STOPPED, Fault(STOPPED), now_ns)
 
     def fail(self, fault: Fault, *, now_ns: int, number: int | None = None) -> bool:
         """End a motion (the first one without ``number``) and all behind it; return whether it had the arm."""
@@ -127,10 +124,16 @@ class MotionQueue:
         place = 0 if number is None else [entry.number for entry in entries].index(number)
         failed = entries[place:]
         self._entries = deque(entries[:place])
+        if place == 0:
+            self.active = None
         for entry in failed:
             why = fault if entry is failed[0] else Fault(f"a motion before it ended: {fault.reason}", fault.detail)
             self._tell(entry, MotionEnd.FAILED, why, now_ns)
         return bool(failed) and failed[0].begun
+
+    def _take_active(self) -> Entry:
+        self.active = None
+        return self._entries.popleft()
 
     def _tell(self, entry: Entry, end: MotionEnd, why: Fault, now_ns: int) -> None:
         motion = entry.motion

@@ -88,7 +88,7 @@ class ServoLink:
     @property
     def commander(self) -> str:
         """Who commands, for a person; empty when nobody does."""
-        return "" if self._sessions.commander is None else str(self._sessions.commander)
+        return "" if self._sessions.commander is None else self._sessions.commander.label
 
     def receive(self, datagram: bytes, sender: Address, *, now_ns: int) -> None:
         """Take one datagram from the link's socket; never raises for what anybody sends."""

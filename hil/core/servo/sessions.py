@@ -44,8 +44,14 @@ class Session:
     """Requests with the time they arrived at."""
     reports: ReportLog = field(default_factory=ReportLog)
 
+    label: str = field(init=False)
+    """Name and address, for a person; it is in every state packet."""
+
+    def __post_init__(self) -> None:
+        self.label = f"{self.name} at {self.address}" if self.name else str(self.address)
+
     def __str__(self) -> str:
-        return f"{self.name} at {self.address}" if self.name else str(self.address)
+        return self.label
 
     def silent_ns(self, *, now_ns: int) -> int:
         """Return how long nothing was heard of the client."""
@@ -138,7 +144,8 @@ class SessionTable:
 
     def due_for_state(self) -> list[Session]:
         """Return the sessions that get a state packet in this cycle: those due, but of the observers only a few."""
-        due, served = [], []
+        due: list[Session] = []
+        served: list[Session] = []
         for session in self._sessions.values():
             if session.cycles_until_state > 0:
                 session.cycles_until_state -= 1
