@@ -101,7 +101,7 @@ def test_limits_and_times_that_ruckig_cannot_plan_with() -> None:
         assert reason(planner_of().to_goal(AT_ZERO, GOAL, minimum_time_s=time_s)) == ErrorReason.USER_TIME_OUT_OF_RANGE
     assert reason(planner_of(joint_velocity_rel=1e-6).to_goal(AT_ZERO, GOAL)) == ErrorReason.EXECUTION_TIME_TOO_BIG
     assert reason(planner_of(joint_jerk_percent=0.0).to_goal(AT_ZERO, GOAL)) == ErrorReason.INVALID_INPUT_VALUES
-    assert reason(planner_of().to_goal(AT_ZERO, (math.nan,) * 7)) == ErrorReason.INVALID_INPUT_VALUES  # type: ignore[arg-type]
+    assert reason(planner_of().to_goal(AT_ZERO, (math.nan,) * 7)) == ErrorReason.INVALID_INPUT_VALUES
 
 
 @pytest.mark.parametrize("time_s", [0.0, 1e-9, 0.01, 7.0, 100.0, LONGEST_EXECUTION_TIME_S])

@@ -238,7 +238,8 @@ def test_without_a_destination_a_moving_arm_stops_as_soon_as_it_can_and_rests_th
     promised = motion.destination
     remaining = motion.remaining_s(now_ns=0)
     cycles = run.until(lambda: motion.interpolator is S.RESTING)
-    assert run.now == SetPoint(promised, STILL, STILL)  # type: ignore[arg-type]
+    assert promised is not None
+    assert run.now == SetPoint(promised, STILL, STILL)
     assert motion.goals_reached == 0
     assert cycles * 1e-3 == pytest.approx(remaining, abs=1e-3)
     assert_within(run, smart_servo_limits(motion.basis, motion.parameters))
@@ -404,7 +405,7 @@ def test_without_velocity_planning_it_brakes_at_once_and_rests_while_it_does() -
 
 def test_velocity_planning_without_a_timeout_is_over_in_the_next_cycle() -> None:
     motion, run, _, velocity = coasting(velocity_planning=True)
-    assert motion.interpolator is S.VELOCITY_AFTER_GOAL_REACH
+    assert motion.interpolator == S.VELOCITY_AFTER_GOAL_REACH
     assert run.cycle().velocity_rad_s[0] < velocity[0]
     assert motion.interpolator is S.RESTING
 
@@ -508,16 +509,18 @@ def test_a_destination_that_cannot_be_is_refused_and_changes_nothing(
     assert run.set_points == other.set_points
 
 
-@pytest.mark.parametrize("destination", [None, (1.0,) * 6, (math.inf,) * 7, (4.0,) * 7])
-def test_a_motion_made_with_a_bad_destination_does_not_begin(destination: Vector | None) -> None:
+@pytest.mark.parametrize(
+    ("destination", "reason"),
+    [
+        ((1.0,) * 6, ErrorReason.NUMBER_OF_DOFS),
+        ((math.inf,) * 7, ErrorReason.INVALID_INPUT_VALUES),
+        ((4.0,) * 7, ErrorReason.POSITIONAL_LIMITS),
+    ],
+)
+def test_a_motion_made_with_a_bad_destination_does_not_begin(destination: Vector, reason: ErrorReason) -> None:
     refused = Run(smart(destination=destination), at()).refused
-    reasons = {
-        None: None,
-        (1.0,) * 6: ErrorReason.NUMBER_OF_DOFS,
-        (math.inf,) * 7: ErrorReason.INVALID_INPUT_VALUES,
-        (4.0,) * 7: ErrorReason.POSITIONAL_LIMITS,
-    }
-    assert (None if refused is None else refused.reason) == reasons[destination]
+    assert refused is not None
+    assert refused.reason == reason
 
 
 def test_a_motion_with_bad_parameters_does_not_begin() -> None:

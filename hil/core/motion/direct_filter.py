@@ -9,6 +9,8 @@ from hil.values.robot import JointLimits, Seven
 POLE_RAD_S = 100.0
 _BRAKING_SHARE = 0.9
 """Share of the acceleration that the braking curve plans with; the second pole follows the curve 8 % harder."""
+_LANDING_RAD = 1e-6
+"""What is left of a way is covered in one cycle; so small that no drive hears it."""
 
 
 class Axis(NamedTuple):
@@ -20,7 +22,7 @@ class Axis(NamedTuple):
     step: float
     """Most the velocity may change in one cycle."""
     landing: float
-    """Distance that velocity covers in one cycle: from no farther away the destination can be hit exactly."""
+    """Distance that is covered at once, to hit the destination exactly."""
     linear: float
     """Distance from which the braking curve takes over from the slope."""
     braking: float
@@ -48,7 +50,7 @@ class DirectFilter:
                 high,
                 acceleration,
                 acceleration * cycle_s,
-                acceleration * cycle_s * cycle_s,
+                min(_LANDING_RAD, acceleration * cycle_s * cycle_s),
                 _BRAKING_SHARE * acceleration / (slope * slope),
                 2.0 * _BRAKING_SHARE * acceleration,
             )
