@@ -1,4 +1,4 @@
-"""DirectServo: velocity kept, no overshoot in a step from rest, range never left, exact arrival; its faults and states."""
+"""DirectServo: velocity and range kept, no overshoot in a step from rest, exact arrival; its faults and states."""
 
 import math
 import random
@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from backends.mujoco import MujocoBackend
 from backends.robots import load_description, robot_names
-from hil.core.motion.application_motion import Accounting
+from hil.core.motion.application_motion import Accounting, MotionBasis
 from hil.core.motion.direct_filter import POLE_RAD_S
 from hil.core.motion.direct_servo import DirectServo
 from hil.core.motion.set_point import STILL, SetPoint
@@ -97,16 +97,17 @@ def test_velocity_and_range_are_kept_whatever_is_set_when(
     axis=st.integers(0, 6),
     step=st.one_of(st.floats(1e-15, 1.0), st.floats(0.0, 1e-6), st.sampled_from((1.0, 0.5, 0.02))),
     sign=st.sampled_from((1.0, -1.0)),
-    velocity_rel=st.sampled_from((1.0, 0.2, 0.003)),
-    time_s=st.sampled_from((0.0, 0.01, 0.1, 1.0)),
-    robot=st.sampled_from(robot_names()),
-    cycle_ms=st.sampled_from((1, 2, 4, 5)),
+    parameters=st.builds(
+        MotionParameters,
+        joint_velocity_rel=st.sampled_from((1.0, 0.2, 0.003)),
+        minimum_execution_time_s=st.sampled_from((0.0, 0.01, 0.1, 1.0)),
+    ),
+    basis=st.builds(basis_of, st.sampled_from(robot_names()), cycle_ms=st.sampled_from((1, 2, 4, 5))),
 )
 def test_a_step_from_rest_does_not_overshoot_and_is_reached_exactly(
-    axis: int, step: float, sign: float, velocity_rel: float, time_s: float, robot: str, cycle_ms: int
+    axis: int, step: float, sign: float, parameters: MotionParameters, basis: MotionBasis
 ) -> None:
-    parameters = MotionParameters(joint_velocity_rel=velocity_rel, minimum_execution_time_s=time_s)
-    motion = direct(parameters, robot=robot, cycle_ms=cycle_ms)
+    motion = DirectServo(parameters, basis=basis, destination=None)
     run = began(motion, at())
     goal = moved(**{f"A{axis + 1}": sign * step * DIRECT_SERVO_DELTA_RAD})
     assert run.go_to(goal) is None
@@ -118,10 +119,9 @@ def test_a_step_from_rest_does_not_overshoot_and_is_reached_exactly(
     others = [other for other in range(JOINT_COUNT) if other != axis]
     assert np.all(run.arrays()[0][:, others] == np.array(START)[others])
     if step > 0.01:
-        assert cycles * cycle_ms * 1e-3 >= time_s - 1e-9
-        assert cycles * cycle_ms * 1e-3 >= step * DIRECT_SERVO_DELTA_RAD / (
-            velocity_rel * motion.basis.limits.velocity_rad_s[axis]
-        )
+        fastest = parameters.joint_velocity_rel * basis.limits.velocity_rad_s[axis]
+        took_s = cycles * basis.cycle_ns * 1e-9
+        assert took_s >= max(parameters.minimum_execution_time_s, step * DIRECT_SERVO_DELTA_RAD / fastest) - 1e-9
 
 
 def test_the_same_calls_give_the_same_set_points() -> None:
@@ -224,7 +224,7 @@ def test_without_a_destination_a_moving_arm_stops_without_turning_round() -> Non
     path = run.arrays()[0]
     assert np.all(np.diff(path[:, 0]) >= 0.0)
     assert np.all(np.diff(path[:, 1]) <= 0.0)
-    assert path[-1, 0] - START[0] < 1.2**2 / (2 * 40.0)
+    assert 1.2**2 / (2 * 70.0) < path[-1, 0] - START[0] < 0.025
 
 
 @given(seed=SEEDS)
@@ -331,7 +331,7 @@ def test_the_five_degrees_are_from_the_measured_position_at_arrival() -> None:
     far = motion.set_destination(goal, None, measured_rad=moved(A1=math.radians(-0.1)), arrived_ns=run.now_ns)
     assert far is not None
     assert far.detail.startswith("destination of A1 0.087266 rad is +0.089012 rad from its measured position, 0.087266")
-    run.cycle(50)
+    run.cycle(200)
     assert run.go_to(moved(A1=math.radians(9.0))) is None
 
 

@@ -133,6 +133,9 @@ def test_a_whole_session(controller: Served) -> None:
         assert runtime.get_remaining_time() == 0.0
         assert runtime.get_time_stamp_of_update() > at_ns
         assert runtime.get_axis_q_msr_on_controller() == runtime.get_command_result_of_interpolation() == raised(0.2)
+        torque = robot.read_state().external_torque
+        assert runtime.get_ext_torque_vector() == runtime.get_axis_tau_ext_msr() == torque
+        assert len(torque) == 7
         assert runtime.stop_motion()
         assert not runtime.stop_motion()
         assert not motion.stop_motion()

@@ -94,6 +94,14 @@ class ServoRuntime:
         """The motion as the last update showed it; ours, for its phase and the accounts of its destinations."""
         return self._update.motion
 
+    def get_ext_torque_vector(self) -> Vector:
+        """Axis torques the environment exerts, in Nm: positive where it pushes an axis towards plus."""
+        return self._update.snapshot.external_torque
+
+    def get_axis_tau_ext_msr(self) -> Vector:
+        """The same under its other name."""
+        return self.get_ext_torque_vector()
+
     def set_detailed_output(self, level_of_verbosity: int) -> None:
         """Choose how much ``str()`` of the runtime says: 1 (default), 2 or 3."""
         if level_of_verbosity not in VERBOSITY:
