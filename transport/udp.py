@@ -3,8 +3,8 @@
 For one peer there is a connected socket, and a second one that hears everybody else. The connected socket is the
 kernel's filter: only the peer's datagrams reach it. What other senders address to the same port would be refused
 unseen; the second, unconnected socket on the same address takes those, so that they can be counted. For any number of
-peers there is one unconnected socket. All are read by asyncio one datagram a loop pass, so nothing queues here but what
-the kernel holds.
+peers there is one unconnected socket. They are read one datagram a pass of the event loop, that for many peers a few
+more, because a busy loop would else fall behind what its peers send; nothing queues here but what the kernel holds.
 """
 
 import asyncio
@@ -22,6 +22,9 @@ from hil.values.link import Address
 
 ANY_HOST = "0.0.0.0"  # noqa: S104  # compared with, never bound to by default
 RECEIVE_BUFFER_BYTES = 1 << 18
+SERVER_DATAGRAMS_AT_ONCE = 8
+"""Read in one pass of the event loop from a socket for many peers. More would let a flood hold up a control cycle."""
+_LONGEST_DATAGRAM_BYTES = 1 << 16
 _SIOCGSTAMPNS = 0x8907
 _TIMESPEC = struct.Struct("@ll")
 _IP_RECVERR = 11
@@ -49,16 +52,17 @@ class EndpointClosed(EndpointError):
 class _Channel:
     """One socket that asyncio reads, and what the kernel tells of it. Make it with :func:`_open_channel`."""
 
-    def __init__(self, sock: socket.socket) -> None:
+    def __init__(self, sock: socket.socket, *, at_once: int) -> None:
         self.local = Address(*sock.getsockname())
         self.refused = 0
         self._socket = sock
+        self._at_once = at_once
         self._stream: asyncio_dgram.aio.DatagramStream | None = None
         """None before it is open, and when it is closed."""
 
     async def open(self) -> None:
         """Let asyncio read the socket."""
-        self._stream = await _stream(self._socket, on_error=self._told_error)
+        self._stream = await _stream(self._socket, at_once=self._at_once, on_error=self._told_error)
 
     def close(self) -> None:
         """Close the socket; whoever waits for a datagram gets :class:`EndpointClosed`."""
@@ -183,14 +187,14 @@ async def open_server_endpoint(bind: Address) -> ServerEndpoint:
         if sys.platform == "linux":
             # Without it an unconnected socket is not told that nobody listens where it sends to.
             sock.setsockopt(socket.IPPROTO_IP, _IP_RECVERR, 1)
-        return ServerEndpoint(await _open_channel(sock))
+        return ServerEndpoint(await _open_channel(sock, at_once=SERVER_DATAGRAMS_AT_ONCE))
     except BaseException:
         sock.close()
         raise
 
 
-async def _open_channel(sock: socket.socket) -> _Channel:
-    channel = _Channel(sock)
+async def _open_channel(sock: socket.socket, *, at_once: int = 1) -> _Channel:
+    channel = _Channel(sock, at_once=1 if sys.platform == "win32" else at_once)
     await channel.open()
     return channel
 
@@ -202,27 +206,40 @@ class _Protocol(asyncio_dgram.aio.Protocol):  # type: ignore[misc]  # asyncio-dg
     ``on_error`` at once, because asyncio-dgram would queue them without a bound until somebody sends.
     """
 
-    def __init__(self, *queues: object, on_error: Callable[[], None]) -> None:
+    def __init__(self, *queues: object, sock: socket.socket, at_once: int, on_error: Callable[[], None]) -> None:
         super().__init__(*queues)
+        self._socket = sock
+        self._at_once = at_once
         self._on_error = on_error
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
-        """Queue the datagram with its sender and its time of arrival."""
+        """Queue the datagram with its sender and its time of arrival, and what else has come, as far as allowed."""
         super().datagram_received(data, (addr, _arrived_unix_ns(self._transport)))
+        for _ in range(1, self._at_once):
+            try:
+                more, sender = self._socket.recvfrom(_LONGEST_DATAGRAM_BYTES)
+            except BlockingIOError:
+                return
+            except OSError:
+                self._on_error()
+                return
+            super().datagram_received(more, (sender, _arrived_unix_ns(self._transport)))
 
     def error_received(self, exc: Exception) -> None:  # noqa: ARG002  # asyncio's name; the counter needs no reason
         """Tell of a datagram that did not arrive."""
         self._on_error()
 
 
-async def _stream(sock: socket.socket, *, on_error: Callable[[], None]) -> asyncio_dgram.aio.DatagramStream:
+async def _stream(
+    sock: socket.socket, *, at_once: int, on_error: Callable[[], None]
+) -> asyncio_dgram.aio.DatagramStream:
     """Return what ``asyncio_dgram.from_socket`` returns, with arrival times in the place of the address."""
     loop = asyncio.get_running_loop()
     received: asyncio.Queue[tuple[bytes, tuple[tuple[str, int], int | None]]] = asyncio.Queue()
     errors: asyncio.Queue[Exception] = asyncio.Queue()
     drained = asyncio.Event()
     transport, _ = await loop.create_datagram_endpoint(
-        lambda: _Protocol(received, errors, drained, on_error=on_error), sock=sock
+        lambda: _Protocol(received, errors, drained, sock=sock, at_once=at_once, on_error=on_error), sock=sock
     )
     # The first question makes the kernel begin to stamp; the first answers may be the time of asking.
     _arrived_unix_ns(transport)

@@ -184,7 +184,7 @@ def test_the_mujoco_arm_follows_a_step_without_running_past_it(robot: str, axis:
         if abs(measured[axis] - goal[axis]) > math.radians(0.05):
             near_since = index + 1
     assert behind < 4e-3
-    assert past < 3e-4
+    assert past < 2e-5
     assert near_since < 150
 
 

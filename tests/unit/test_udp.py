@@ -2,17 +2,19 @@
 
 import asyncio
 import contextlib
+import itertools
 import socket
 import sys
 import threading
 
 import pytest
 
-from hil.runtime.clock import unix_time_ns
+from hil.runtime.clock import let_others_run, unix_time_ns
 from hil.values.errors import ConfigurationError, EndpointError
 from hil.values.link import Address
 from tests.support.processes import own_host
 from transport.udp import (
+    SERVER_DATAGRAMS_AT_ONCE,
     EndpointClosed,
     default_bind,
     is_local,
@@ -133,6 +135,30 @@ async def test_a_server_hears_everybody_and_answers_each() -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells when the kernel got a datagram")
+async def test_a_server_reads_a_few_datagrams_a_pass_and_leaves_the_rest_to_the_kernel() -> None:
+    host = own_host()
+    endpoint = await open_server_endpoint(Address(host, 0))
+    with udp(host) as peer:
+        for number in range(3 * SERVER_DATAGRAMS_AT_ONCE):
+            peer.sendto(b"%d" % number, endpoint.local)
+        heard: list[bytes] = []
+
+        async def listen() -> None:
+            while True:
+                heard.append((await endpoint.receive()).datagram)
+
+        listener = asyncio.create_task(listen())
+        counts = []
+        async with asyncio.timeout(5):
+            while len(heard) < 3 * SERVER_DATAGRAMS_AT_ONCE:
+                await let_others_run(1)
+                counts.append(len(heard))
+        listener.cancel()
+    endpoint.close()
+    assert heard == [b"%d" % number for number in range(3 * SERVER_DATAGRAMS_AT_ONCE)]
+    assert max(later - earlier for earlier, later in itertools.pairwise([0, *counts])) == SERVER_DATAGRAMS_AT_ONCE
+
+
 async def test_a_server_is_told_when_the_kernel_got_a_datagram() -> None:
     host = own_host()
     endpoint = await open_server_endpoint(Address(host, 0))

@@ -176,7 +176,7 @@ class DirectFilter:
         after = velocity + max(-axis.step, min(axis.step, change))
         if self._held_back:
             room = axis.high - here if velocity > 0.0 else here - axis.low
-            if velocity * velocity > 2.0 * axis.acceleration * room:
+            if velocity * velocity > 2.0 * axis.acceleration * (room - abs(velocity) * self._cycle_s):
                 after = _stopped_in(room, velocity, after, self._cycle_s)
         return after, here + after * self._cycle_s
 
