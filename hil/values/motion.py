@@ -16,7 +16,14 @@ DIRECT_SERVO_DELTA_RAD: Final = math.radians(5.0)
 """How far a DirectServo destination may be from the measured axis position (manual 3.1.1, 7.5.2.1)."""
 
 
-class MotionKind(IntEnum):
+class _Named(IntEnum):
+    """Numbers on the wire, names for people."""
+
+    def __str__(self) -> str:
+        return self.name
+
+
+class MotionKind(_Named):
     """Kind of a motion."""
 
     PTP = 1
@@ -24,7 +31,7 @@ class MotionKind(IntEnum):
     DIRECT_SERVO = 3
 
 
-class MotionPhase(IntEnum):
+class MotionPhase(_Named):
     """Where a motion is on its way through the controller."""
 
     QUEUED = 1
@@ -36,7 +43,7 @@ class MotionPhase(IntEnum):
     ENDED = 4
 
 
-class FineInterpolatorState(IntEnum):
+class FineInterpolatorState(_Named):
     """State of the fine interpolator (manual 7.6, state diagram)."""
 
     MOVING = 1
@@ -45,7 +52,7 @@ class FineInterpolatorState(IntEnum):
     ENDED = 4
 
 
-class MotionEnd(IntEnum):
+class MotionEnd(_Named):
     """How a motion ended."""
 
     FINISHED = 1

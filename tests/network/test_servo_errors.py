@@ -305,20 +305,20 @@ async def test_runtime_before_and_long_after() -> None:
     async with connected() as robot:
         start = start_position(robot)
         early = AsyncSmartServo()
-        with pytest.raises(IllegalStateException) as caught:
-            await early.get_runtime()
-        assert str(caught.value) == NOT_ACTIVE
+        for call in (early.get_runtime, early.stop_motion):
+            with pytest.raises(IllegalStateException) as caught:
+                await call()
+            assert str(caught.value) == NOT_ACTIVE
         await robot.move_async(AsyncSmartServo((1.0, *start[1:])))
         second, third = AsyncSmartServo(), AsyncSmartServo()
         await robot.move_async(second)
         await robot.move_async(third)
-        runtime = await second.get_runtime()
-        with pytest.raises(IllegalStateException) as caught:
-            await runtime.stop_motion()
-        assert str(caught.value) == NOT_ACTIVE
+        await second.get_runtime()
         with pytest.raises(IllegalStateException) as caught:
             await third.get_runtime(timeout_s=0.2)
         assert str(caught.value) == "waitForTransferred timeout to become activated in realtime-system"
+        assert await third.stop_motion()
+        assert not await third.stop_motion()
 
 
 def test_every_reason_of_this_part_has_the_manuals_words() -> None:

@@ -58,7 +58,7 @@ def test_an_unknown_name_is_refused_with_the_valid_ones(load: Callable[[str], ob
 @pytest.mark.parametrize("facts", ROBOTS, ids=NAMES)
 def test_every_figure_is_finite(facts: RobotFacts) -> None:
     figures = numbers(facts)
-    assert len(figures) == 150
+    assert len(figures) == 164
     assert all(math.isfinite(figure) for figure in figures)
 
 

@@ -540,3 +540,21 @@ def test_a_failure_of_the_clients_own_thread_is_told(client: ServoClient) -> Non
     client._pump.link.tell_goals = fail  # type: ignore[method-assign]
     with pytest.raises(SessionEnded, match=r"own thread failed: RuntimeError\('a bug of ours'\)"):
         again_and_again(client.wait_for_state)
+
+
+def test_arguments_of_the_wrong_kind_are_refused_and_the_session_lives(client: ServoClient, held: Served) -> None:
+    for wrong in (None, 3, SmartServo):
+        with pytest.raises(IllegalArgumentException, match="is no motion; a SmartServo, a DirectServo or a PTP"):
+            client.move_async(wrong)  # type: ignore[arg-type]
+    motion = SmartServo(raised(0.1))
+    client.move_async(motion)
+    runtime = motion.get_runtime()
+    with pytest.raises(IllegalArgumentException, match="velocity planning is 'yes'; True or False is needed"):
+        runtime.activate_velocity_planning("yes")  # type: ignore[arg-type]
+    with pytest.raises(IllegalArgumentException, match="waiting for pause is 1; True or False is needed"):
+        runtime.activate_wait_for_pause_during_set_destination(1)  # type: ignore[arg-type]
+    with pytest.raises(IllegalArgumentException, match="has no method on_goal_reached_event"):
+        runtime.set_goal_reached_event_handler(3)  # type: ignore[arg-type]
+    runtime.activate_velocity_planning()
+    assert str(runtime.get_fine_ipo_state()) == "MOVING"
+    assert runtime.stop_motion()

@@ -121,7 +121,9 @@ def play(pair: Pair) -> list[object]:
     ask(lambda number: SetRuntimeParameters(number, one, minimum_execution_time_s=0.1))
     two = ask(lambda number: StartMotion(number, MotionKind.DIRECT_SERVO, fast, None))
     other = session.motions[two]
-    ask(lambda number: StopMotion(number, two))
+    three = ask(lambda number: StartMotion(number, MotionKind.PTP, fast, start))
+    ask(lambda number: StopMotion(number, three))
+    ask(lambda number: StopMotion(number, 999))
     ask(lambda number: StopMotion(number, one))
     pair.run_until(lambda: record.ended is not None)
     ask(lambda number: SetDestination(number, two, (0.0,) * 6))
@@ -151,7 +153,7 @@ def test_what_the_outcomes_are() -> None:
         (MotionEnd.STOPPED, "stopped by the application"),
         (MotionEnd.FAILED, "interpolation error: ERROR_NUMBER_OF_DOFS"),
     ]
-    assert outcomes[-3:] == [9, 2, 0]
+    assert outcomes[-3:] == [11, 2, 0]
     assert (StopMotion.__name__, RequestError.ILLEGAL_STATE) in [outcome[:2] for outcome in outcomes[:-5]]  # type: ignore[index]
 
 

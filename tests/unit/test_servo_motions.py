@@ -14,7 +14,6 @@ from hil.core.events import MotionBegan, MotionOver
 from hil.core.model import ArmModel
 from hil.core.motion.executive import Phase
 from hil.core.motion.queue import BLENDED, REACHED, RESTED, STOPPED
-from hil.core.servo.requests import NOT_ACTIVE
 from hil.core.settings import FriSettings, ReactionSettings
 from hil.values.arm import ArmState, JointCommand
 from hil.values.fri import OperationMode, Release, SessionState
@@ -253,22 +252,33 @@ def test_the_queue_is_bounded() -> None:
 def test_calls_in_the_wrong_state_are_refused_and_the_session_lives() -> None:
     application = joined()
     one = application.start(MotionKind.SMART_SERVO)
-    two = application.start(MotionKind.SMART_SERVO)
     ptp = application.start(MotionKind.PTP, start_of(application))
     answers = application.ask(
-        lambda number: StopMotion(number, two),
         lambda number: StopMotion(number, 999),
         lambda number: SetDestination(number, 999, start_of(application)),
         lambda number: SetDestination(number, ptp, start_of(application)),
     )
     assert [(done.error, done.reason) for done in answers] == [
-        (RequestError.ILLEGAL_STATE, NOT_ACTIVE),
         (RequestError.ILLEGAL_STATE, "there is no motion 999"),
         (RequestError.ILLEGAL_STATE, "there is no motion 999"),
         (RequestError.ILLEGAL_STATE, "a PTP takes no new destination while it runs"),
     ]
     application.run(0.05)
     assert application.motion(one).phase is MotionPhase.ACTIVE
+
+
+def test_a_waiting_motion_can_be_withdrawn_and_the_others_stay() -> None:
+    application = joined()
+    start = start_of(application)
+    one = application.start(MotionKind.SMART_SERVO)
+    wrong = application.start(MotionKind.PTP, offset(start, A1=1.0))
+    three = application.start(MotionKind.PTP, offset(start, A1=0.05))
+    assert application.stop(wrong).error is RequestError.NONE
+    assert [(end.motion, end.end) for end in application.ends] == [(wrong, MotionEnd.STOPPED)]
+    application.stop(one)
+    application.run_until(lambda: len(application.ends) == 3)
+    assert (application.ends[-1].motion, application.ends[-1].end) == (three, MotionEnd.FINISHED)
+    assert max(application.bench.commanded(0)) == start[0] + 0.05
 
 
 def test_a_destination_for_a_waiting_motion_is_where_it_will_go() -> None:

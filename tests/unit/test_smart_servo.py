@@ -14,10 +14,11 @@ from ruckig import Result
 from backends.robots import load_description, robot_names
 from hil.core.motion import planner
 from hil.core.motion.application_motion import Accounting
-from hil.core.motion.destinations import MAX_WAITING
+from hil.core.motion.destinations import MAX_WAITING, destination
 from hil.core.motion.motion_limits import smart_servo_limits
 from hil.core.motion.set_point import STILL, SetPoint
 from hil.core.motion.smart_servo import SmartServo
+from hil.core.motion.target_velocity import TargetVelocities
 from hil.values.motion import ErrorReason, Fault, FineInterpolatorState, MotionKind, MotionParameters
 from hil.values.robot import JOINT_COUNT, Seven
 from hil.values.servo import Vector
@@ -126,6 +127,38 @@ def test_limits_and_range_are_kept_with_target_velocities(seed: int, parameters:
     assert_in_range(run)
 
 
+@given(seed=SEEDS, jerk=st.sampled_from((100.0, 500.0)), override=st.sampled_from((5.0, 20.0)))
+def test_where_a_velocity_is_taken_any_destination_may_follow_while_the_axis_turns(
+    seed: int, jerk: float, override: float
+) -> None:
+    source = random.Random(seed)
+    motion = smart(MotionParameters(acceleration_override=override, joint_jerk_percent=jerk))
+    limits = smart_servo_limits(motion.basis, motion.parameters)
+    high, back = limits.position_max_rad[6], (*(0.0,) * 6, -source.uniform(0.3, 1.0) * limits.velocity_rad_s[6])
+    velocities = TargetVelocities(limits)
+
+    def goal(position: float) -> Vector:
+        return (*(0.0,) * 6, position)
+
+    def taken(position: float) -> bool:
+        made = destination(goal(position), back, arrived_ns=0, limits=limits, out_of_range=ErrorReason.ERROR)
+        return not isinstance(made, Fault) and velocities.refused(made) is None
+
+    nearest, refused = 0.0, high
+    assert taken(nearest)
+    while refused - nearest > 1e-6:
+        middle = 0.5 * (nearest + refused)
+        nearest, refused = (middle, refused) if taken(middle) else (nearest, middle)
+    run = began(motion, at(tuple(goal(nearest))))  # type: ignore[arg-type]
+    assert run.go_to(goal(nearest), back) is None
+    way = math.ceil(motion.remaining_s(now_ns=0) * 1e3)
+    run.cycle(source.randint(1, max(1, way)))
+    assert run.go_to(goal(source.choice((high, high - 1e-3)))) is None
+    run.until(lambda: motion.interpolator is S.RESTING)
+    assert_within(run, limits)
+    assert_in_range(run)
+
+
 @given(seed=SEEDS, parameters=SETTINGS)
 def test_a_destination_is_reached_with_its_velocity(seed: int, parameters: MotionParameters) -> None:
     source = random.Random(seed)
@@ -163,6 +196,34 @@ def test_from_and_to_the_very_ends_of_the_range(where: str, goal: str, time_s: f
     assert cycles * 1e-3 >= time_s - 1e-9
     assert_within(run, smart_servo_limits(motion.basis, motion.parameters))
     assert_in_range(run)
+
+
+@given(seed=SEEDS)
+def test_no_cycle_on_the_way_to_the_ends_of_the_range_is_beyond_them(seed: int) -> None:
+    """Ruckig meets a place to 1e-8 rad only, on either side of it."""
+    source = random.Random(seed)
+    ends = basis_of().limits.position_max_rad
+    motion = smart(FAST)
+    run = began(motion, at(tuple(high - source.uniform(0.0, 0.1) for high in ends)))  # type: ignore[arg-type]
+    for _ in range(4):
+        run.go_to(tuple(high - source.uniform(0.0, 0.1) for high in ends))
+        run.cycle(source.randint(1, 100))
+        run.go_to(ends)
+        run.until(lambda: motion.interpolator is S.RESTING)
+        assert run.now.position_rad == ends
+    assert_in_range(run)
+
+
+def test_an_acceleration_it_cannot_carry_is_dropped_at_the_take_over() -> None:
+    limits = basis_of().limits
+    fastest = limits.velocity_rad_s[0]
+    start = SetPoint(START, (0.999 * fastest, 0.5, *(0.0,) * 5), (60.0, -17.0, *(0.0,) * 5))  # type: ignore[arg-type]
+    for goal in (moved(A1=1.5), None):
+        motion = smart(destination=goal)
+        run = began(motion, start)
+        run.until(lambda: motion.interpolator is S.RESTING)  # noqa: B023
+        assert_within(run, smart_servo_limits(motion.basis, motion.parameters), after_take_over=1)
+        assert_no_jump(run)
 
 
 @given(way=st.floats(1e-14, 1e-3), axis=st.integers(0, 6))
@@ -249,8 +310,8 @@ def test_without_a_destination_a_moving_arm_stops_as_soon_as_it_can_and_rests_th
 def test_a_motion_that_cannot_stop_in_the_range_says_so() -> None:
     high = basis_of().limits.position_max_rad[1]
     start = SetPoint((0.0, high - 0.05, *(0.0,) * 5), (0.0, 1.0, *(0.0,) * 5))  # type: ignore[arg-type]
-    for destination in (None, (0.0,) * 7):
-        refused = Run(smart(destination=destination), start).refused
+    for goal in (None, (0.0,) * 7):
+        refused = Run(smart(destination=goal), start).refused
         assert refused is not None
         assert refused.reason == ErrorReason.POSITIONAL_LIMITS
         assert refused.detail.startswith("A2 would go to")
@@ -510,15 +571,15 @@ def test_a_destination_that_cannot_be_is_refused_and_changes_nothing(
 
 
 @pytest.mark.parametrize(
-    ("destination", "reason"),
+    ("goal", "reason"),
     [
         ((1.0,) * 6, ErrorReason.NUMBER_OF_DOFS),
         ((math.inf,) * 7, ErrorReason.INVALID_INPUT_VALUES),
         ((4.0,) * 7, ErrorReason.POSITIONAL_LIMITS),
     ],
 )
-def test_a_motion_made_with_a_bad_destination_does_not_begin(destination: Vector, reason: ErrorReason) -> None:
-    refused = Run(smart(destination=destination), at()).refused
+def test_a_motion_made_with_a_bad_destination_does_not_begin(goal: Vector, reason: ErrorReason) -> None:
+    refused = Run(smart(destination=goal), at()).refused
     assert refused is not None
     assert refused.reason == reason
 

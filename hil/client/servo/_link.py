@@ -5,6 +5,8 @@ import socket
 from typing import Final
 
 from hil.client._clock import Deadline
+from hil.client.servo.errors import IllegalArgumentException
+from hil.client.servo.motions import Motion
 from hil.client.servo.session import ServoSession
 from hil.values.errors import ConfigurationError, EndpointError, OutOfRange, UsageError
 from hil.values.link import Address
@@ -80,6 +82,12 @@ class ClientShell:
     def commander(self) -> str:
         """Who commands the arm, as the latest state says it; empty when nobody does."""
         return self._snapshot().commander
+
+    def _take(self, motion: object) -> None:
+        """Let ``motion`` belong to this client; raise where it is none, or may not be started now."""
+        if not isinstance(motion, Motion):
+            raise IllegalArgumentException(f"{motion!r} is no motion; a SmartServo, a DirectServo or a PTP is needed")
+        motion.bind(self)
 
     def _snapshot(self) -> Snapshot:
         snapshot = self.session.snapshot

@@ -50,12 +50,12 @@ class AsyncServoClient(ClientShell):
 
     async def move_async(self, motion: "AsyncMotion") -> None:
         """Start ``motion``, or queue it behind those that run or wait; return when the controller has taken it."""
-        motion.bind(self)
+        self._take(motion)
         await self._run(operations.start(self.session, motion))
 
     async def move(self, motion: "AsyncMotion") -> None:
         """Start ``motion`` and wait until it has ended; raise :class:`CommandInvalidException` if not by itself."""
-        motion.bind(self)
+        self._take(motion)
         await self._run(operations.move(self.session, motion))
 
     def read_state(self) -> Snapshot:

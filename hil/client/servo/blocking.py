@@ -58,12 +58,12 @@ class ServoClient(ClientShell):
 
     def move_async(self, motion: "BlockingMotion") -> None:
         """Start ``motion``, or queue it behind those that run or wait; return when the controller has taken it."""
-        motion.bind(self)
+        self._take(motion)
         self._run(operations.start(self.session, motion))
 
     def move(self, motion: "BlockingMotion") -> None:
         """Start ``motion`` and wait until it has ended; raise :class:`CommandInvalidException` if not by itself."""
-        motion.bind(self)
+        self._take(motion)
         self._run(operations.move(self.session, motion))
 
     def read_state(self) -> Snapshot:
@@ -113,7 +113,8 @@ class BlockingMotion(Motion):
     def stop_motion(self) -> bool:
         """Brake and end it; return whether this call did, False when it had ended.
 
-        Raises :class:`IllegalStateException` for a motion that was not started or still waits (manual 10.2).
+        Raises :class:`IllegalStateException` for a motion that was not started (manual 10.2). One that still waits is
+        withdrawn.
         """
         return self._opened()._run(operations.stop(self.record))
 
@@ -161,10 +162,7 @@ class BlockingRuntime(ServoRuntime):
         self._client._run(self._setting_parameters(wait_for_pause=active))
 
     def stop_motion(self) -> bool:
-        """Brake and end the motion; return whether this call did, False when it had ended.
-
-        Raises :class:`IllegalStateException` while it waits for the motion before it (manual 10.2).
-        """
+        """Brake and end the motion, or withdraw it while it waits; return whether this call did, False at its end."""
         return self._client._run(operations.stop(self._record))
 
 

@@ -26,7 +26,11 @@ from hil.values.outcomes import Outcome
 NOT_TRANSFERRED_IN_TIME: Final = "waitForTransferred timeout to become activated in realtime-system"
 """Manual 10.2, of getRuntime: the motions before it take too long."""
 CALLED_PREMATURELY: Final = "waitForTransferred called prematurely - RealtimeMotion is not active"
-"""Manual 10.2, of getRuntime and stopMotion: the motion was not started, or does not run yet."""
+"""Manual 10.2, of getRuntime and stopMotion: the motion was not started."""
+
+
+_WATCHDOG: Final = "the watchdog allows"
+"""In the controller's words about a session that was silent."""
 
 
 class IllegalArgumentException(UsageError):
@@ -94,6 +98,11 @@ class SessionEnded(EndpointError):
     def __init__(self, reason: str) -> None:
         self.reason = reason
         super().__init__(f"the session with the controller is over: {reason}")
+        if _WATCHDOG in reason:
+            self.add_note(
+                "nothing was sent for so long: did a call hold the interpreter (C code, a debugger), or was the "
+                "machine busy? A larger watchdog_ms bears that"
+            )
 
 
 def wrong_client(motion: object, client: object, *, needed: type[object]) -> IllegalArgumentException:

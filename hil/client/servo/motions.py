@@ -5,6 +5,7 @@ range) and returns the motion, so that calls chain. Destinations are not judged 
 answers with the manual's errors.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
@@ -42,7 +43,7 @@ def vector(name: str, values: Iterable[float]) -> Vector:
     return numbers
 
 
-class Motion:
+class Motion(ABC):
     """What all motions share: destination (seven axes, rad), joint velocity and acceleration, and the control mode."""
 
     kind: ClassVar[MotionKind]
@@ -79,6 +80,10 @@ class Motion:
     def started(self) -> bool:
         """Whether it runs or waits now; one that ended may be started again."""
         return self.record is not None and self.record.ended is None
+
+    @abstractmethod
+    def bind(self, client: object) -> None:
+        """Belong to ``client`` from now on; raise where that cannot be."""
 
     def must_not_run(self, what: str) -> None:
         """Raise :class:`IllegalStateException` if the motion runs or waits: then ``what`` is not possible."""

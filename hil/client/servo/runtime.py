@@ -113,7 +113,11 @@ class ServoRuntime:
         if handler is None:
             self._record.on_goal = None
             return
-        tell = handler.on_goal_reached_event
+        tell = getattr(handler, "on_goal_reached_event", None)
+        if not callable(tell):
+            raise IllegalArgumentException(
+                f"{handler!r} has no method on_goal_reached_event(state, current_axis_pos, os_timestamp)"
+            )
         if inspect.iscoroutinefunction(tell):
             raise IllegalArgumentException("on_goal_reached_event is a coroutine function; a plain one is needed")
         welcome = self._record.session.welcome
@@ -157,6 +161,9 @@ class ServoRuntime:
         velocity_planning: bool | None = None,
         wait_for_pause: bool | None = None,
     ) -> Operation[RequestDone]:
+        for name, flag in (("velocity planning", velocity_planning), ("waiting for pause", wait_for_pause)):
+            if flag is not None and not isinstance(flag, bool):
+                raise IllegalArgumentException(f"{name} is {flag!r}; True or False is needed")
         if minimum_execution_time_s is not None:
             minimum_execution_time_s = MINIMUM_EXECUTION_TIME.check(minimum_execution_time_s)
         motion = self._record.number

@@ -118,6 +118,12 @@ class MotionQueue:
         """The application stopped the active motion."""
         self._tell(self._take_active(), MotionEnd.STOPPED, Fault(STOPPED), now_ns)
 
+    def withdraw(self, number: int, *, now_ns: int) -> None:
+        """The application stopped a motion that still waits; those around it stay."""
+        entry = next(entry for entry in self._entries if entry.number == number)
+        self._entries.remove(entry)
+        self._tell(entry, MotionEnd.STOPPED, Fault(STOPPED), now_ns)
+
     def fail(self, fault: Fault, *, now_ns: int, number: int | None = None) -> bool:
         """End a motion (the first one without ``number``) and all behind it; return whether it had the arm."""
         entries = list(self._entries)

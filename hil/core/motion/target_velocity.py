@@ -14,11 +14,14 @@ class TargetVelocities:
 
     def __init__(self, limits: JointLimits) -> None:
         self._limits = limits
-        # An axis at full acceleration a that turns round at v = 0 does so a³/(8j²) after v = a²/(2j), from where it
-        # needs a³/(6j²) to stop. With the difference kept free, a new destination can be taken at any time.
+        # An axis with acceleration a turns round a³/(8j²) after v = a²/(2j), from where it needs a³/(6j²) to stop. With
+        # the difference kept free, a new destination can be taken while it turns. It never has more acceleration than
+        # its jerk builds up between full velocity in one direction and in the other, sqrt(2vj).
         self._turning_rad = [
-            acceleration**3 / (24.0 * jerk * jerk) + MARGIN_RAD
-            for acceleration, jerk in zip(limits.acceleration_rad_s2, limits.jerk_rad_s3, strict=True)
+            min(acceleration, math.sqrt(2.0 * velocity * jerk)) ** 3 / (24.0 * jerk * jerk) + MARGIN_RAD
+            for velocity, acceleration, jerk in zip(
+                limits.velocity_rad_s, limits.acceleration_rad_s2, limits.jerk_rad_s3, strict=True
+            )
         ]
 
     def refused(self, goal: Destination) -> Fault | None:

@@ -16,9 +16,6 @@ from hil.values.motion import MAX_MOTIONS, Fault, MotionKind
 from hil.values.robot import Seven
 from hil.values.servo import Request, RequestError, SetDestination, SetRuntimeParameters, StartMotion, StopMotion
 
-NOT_ACTIVE = "waitForTransferred called prematurely - RealtimeMotion is not active"
-"""Manual 10.2, of getRuntime and stopMotion."""
-
 _MOTIONS: Final[Mapping[MotionKind, type[ApplicationMotion]]] = {
     MotionKind.PTP: PointToPoint,
     MotionKind.SMART_SERVO: SmartServo,
@@ -103,9 +100,11 @@ class RequestHandler:
         entry = self._executive.applications.find(request.motion)
         if entry is None:
             return self._gone(request.motion)
-        if not entry.begun:
-            return Answer(RequestError.ILLEGAL_STATE, Fault(NOT_ACTIVE))
-        self._executive.stop_application_motion(now_ns=circumstances.now_ns)
+        # At any time, irrespective of the state of application and robot (manual 7.5.4): while it waits, too.
+        if entry.begun:
+            self._executive.stop_application_motion(now_ns=circumstances.now_ns)
+        else:
+            self._executive.applications.withdraw(entry.number, now_ns=circumstances.now_ns)
         return _DONE
 
     def _gone(self, number: int) -> Answer:
