@@ -22,7 +22,8 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
     backend: Annotated[str | None, typer.Option(help="Robot side: mujoco (the default) or ideal.")] = None,
     mode: Annotated[Mode | None, typer.Option(help="Operation mode; AUT is the default.")] = None,
     fri_client: Annotated[
-        str | None, typer.Option(metavar="HOST[:PORT]", help="Where the FRI client listens; 127.0.0.1:30200.")
+        str | None,
+        typer.Option(metavar="HOST[:PORT]|off", help="Where the FRI client listens; 127.0.0.1:30200."),
     ] = None,
     fri_bind: Annotated[
         str | None,
@@ -105,10 +106,16 @@ def station_of(
     if path is not None:
         content = load_station(path).model_dump(exclude_unset=True)
     robots = content["robot"]
-    if len(robots) > 1 and (several := [name for name in _ENDPOINTS if name in fri]):
+    if len(robots) > 1 and fri.get("client") != _OFF and (several := [name for name in _ENDPOINTS if name in fri]):
         raise ConfigurationError(
             f"{path} has {len(robots)} robots, and --fri-{several[0]} can be that of one only: set it in the file"
         )
+    if fri.get("client") == _OFF:
+        if len(fri) > 1:
+            raise ConfigurationError("--fri-client off leaves nothing for the other FRI options to say")
+        fri = {}
+        for one in robots:
+            one["fri"] = None
     linked = [one for one in robots if one.get("fri") is not None]
     if "client" in fri and len(robots) == 1:
         linked = robots

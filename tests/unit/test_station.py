@@ -139,3 +139,19 @@ def test_without_a_file_there_is_one_robot_with_fri() -> None:
         ("arm", "lbr-iiwa-14-r820", "mujoco")
     ]
     assert station.robot[0].fri is not None
+
+
+def test_either_link_can_be_left_out() -> None:
+    no_fri = station_of(None, robot={}, fri={"client": "off"}, servo=ServoOptions(), capture=None, realtime=False)
+    assert (no_fri.robot[0].fri, no_fri.robot[0].servo is None) == (None, False)
+    no_servo = station_of(None, robot={}, fri={}, servo=ServoOptions("off"), capture=None, realtime=False)
+    assert (no_servo.robot[0].servo, no_servo.robot[0].fri is None) == (None, False)
+    with pytest.raises(ConfigurationError, match="--fri-client off leaves nothing"):
+        station_of(
+            None,
+            robot={},
+            fri={"client": "off", "send_period_ms": 2},
+            servo=ServoOptions(),
+            capture=None,
+            realtime=False,
+        )
