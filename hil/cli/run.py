@@ -106,31 +106,33 @@ def station_of(
     if path is not None:
         content = load_station(path).model_dump(exclude_unset=True)
     robots = content["robot"]
-    if len(robots) > 1 and fri.get("client") != _OFF and (several := [name for name in _ENDPOINTS if name in fri]):
-        raise ConfigurationError(
-            f"{path} has {len(robots)} robots, and --fri-{several[0]} can be that of one only: set it in the file"
-        )
-    if fri.get("client") == _OFF:
-        if len(fri) > 1:
-            raise ConfigurationError("--fri-client off leaves nothing for the other FRI options to say")
-        fri = {}
-        for one in robots:
-            one["fri"] = None
-    linked = [one for one in robots if one.get("fri") is not None]
-    if "client" in fri and len(robots) == 1:
-        linked = robots
-    if fri and not linked:
-        raise ConfigurationError(f"no robot of {path} has an FRI link for the FRI options; add --fri-client")
     for one in robots:
         one.update(robot)
-    for one in linked:
-        one["fri"] = {**(one.get("fri") or {}), **fri}
+    _lay_fri_options(robots, fri, path)
     _lay_servo_options(robots, servo, path)
     if capture is not None:
         content["capture"] = capture
     if realtime:
         content["realtime"] = True
     return parse_station(content, where="command line" if path is None else f"{path} with the options given")
+
+
+def _lay_fri_options(robots: list[dict[str, Any]], fri: dict[str, Any], path: Path | None) -> None:
+    if fri.get("client") == _OFF:
+        if len(fri) > 1:
+            raise ConfigurationError("--fri-client off leaves nothing for the other FRI options to say")
+        for one in robots:
+            one["fri"] = None
+        return
+    if len(robots) > 1 and (several := [name for name in _ENDPOINTS if name in fri]):
+        raise ConfigurationError(
+            f"{path} has {len(robots)} robots, and --fri-{several[0]} can be that of one only: set it in the file"
+        )
+    linked = robots if "client" in fri else [one for one in robots if one.get("fri") is not None]
+    if fri and not linked:
+        raise ConfigurationError(f"no robot of {path} has an FRI link for the FRI options; add --fri-client")
+    for one in linked:
+        one["fri"] = {**(one.get("fri") or {}), **fri}
 
 
 def _lay_servo_options(robots: list[dict[str, Any]], servo: ServoOptions, path: Path | None) -> None:
