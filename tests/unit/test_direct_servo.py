@@ -109,7 +109,7 @@ def test_a_step_from_rest_does_not_overshoot_and_is_reached_exactly(
 ) -> None:
     motion = DirectServo(parameters, basis=basis, destination=None)
     run = began(motion, at())
-    goal = moved(**{f"A{axis + 1}": sign * step * DIRECT_SERVO_DELTA_RAD})
+    goal = moved(**{f"A{axis + 1}": sign * step * DIRECT_SERVO_DELTA_RAD})  # type: ignore[arg-type]  # names of axes
     assert run.go_to(goal) is None
     cycles = run.until(lambda: motion.interpolator is S.RESTING)
     assert run.now == SetPoint(goal, STILL, STILL)

@@ -147,7 +147,8 @@ def test_a_line_that_is_not_straight_is_refused() -> None:
     class Bent:
         def calculate(self, request: InputParameter, trajectory: Trajectory) -> Result:
             request.synchronization = Synchronization.No
-            request.max_acceleration = [value / 2 if axis else value for axis, value in enumerate(request.max_acceleration)]
+            first, *others = request.max_acceleration
+            request.max_acceleration = [first, *(value / 2 for value in others)]
             return Ruckig(JOINT_COUNT).calculate(request, trajectory)
 
     fault = planner_of(Bent()).along_line(AT_ZERO, GOAL)

@@ -164,7 +164,7 @@ def test_a_ptp_that_cannot_be_does_not_begin(
 
 def test_a_point_too_near_the_end_for_a_moving_arm_is_refused_with_figures() -> None:
     high = basis_of().limits.position_max_rad[1]
-    start = SetPoint((0.0, high - 0.02, *(0.0,) * 5), (0.0, 1.0, *(0.0,) * 5))  # type: ignore[arg-type]
+    start = SetPoint((0.0, high - 0.02, *(0.0,) * 5), (0.0, 1.0, *(0.0,) * 5))
     refused = Run(ptp((0.0,) * 7), start).refused
     assert refused is not None
     assert refused.reason == ErrorReason.POSITIONAL_LIMITS

@@ -217,7 +217,7 @@ def test_no_cycle_on_the_way_to_the_ends_of_the_range_is_beyond_them(seed: int) 
 def test_an_acceleration_it_cannot_carry_is_dropped_at_the_take_over() -> None:
     limits = basis_of().limits
     fastest = limits.velocity_rad_s[0]
-    start = SetPoint(START, (0.999 * fastest, 0.5, *(0.0,) * 5), (60.0, -17.0, *(0.0,) * 5))  # type: ignore[arg-type]
+    start = SetPoint(START, (0.999 * fastest, 0.5, *(0.0,) * 5), (60.0, -17.0, *(0.0,) * 5))
     for goal in (moved(A1=1.5), None):
         motion = smart(destination=goal)
         run = began(motion, start)
@@ -309,7 +309,7 @@ def test_without_a_destination_a_moving_arm_stops_as_soon_as_it_can_and_rests_th
 
 def test_a_motion_that_cannot_stop_in_the_range_says_so() -> None:
     high = basis_of().limits.position_max_rad[1]
-    start = SetPoint((0.0, high - 0.05, *(0.0,) * 5), (0.0, 1.0, *(0.0,) * 5))  # type: ignore[arg-type]
+    start = SetPoint((0.0, high - 0.05, *(0.0,) * 5), (0.0, 1.0, *(0.0,) * 5))
     for goal in (None, (0.0,) * 7):
         refused = Run(smart(destination=goal), start).refused
         assert refused is not None
@@ -466,7 +466,8 @@ def test_without_velocity_planning_it_brakes_at_once_and_rests_while_it_does() -
 
 def test_velocity_planning_without_a_timeout_is_over_in_the_next_cycle() -> None:
     motion, run, _, velocity = coasting(velocity_planning=True)
-    assert motion.interpolator == S.VELOCITY_AFTER_GOAL_REACH
+    before: FineInterpolatorState = motion.interpolator
+    assert before is S.VELOCITY_AFTER_GOAL_REACH
     assert run.cycle().velocity_rad_s[0] < velocity[0]
     assert motion.interpolator is S.RESTING
 
