@@ -20,7 +20,7 @@ from hil.core.motion.set_point import STILL, SetPoint
 from hil.core.motion.smart_servo import SmartServo
 from hil.core.motion.target_velocity import TargetVelocities
 from hil.values.motion import ErrorReason, Fault, FineInterpolatorState, MotionKind, MotionParameters
-from hil.values.robot import JOINT_COUNT, Seven
+from hil.values.robot import JOINT_COUNT, JointLimits, Seven
 from hil.values.servo import Vector
 from tests.support.interpolation import (
     PRECISION_RAD,
@@ -127,35 +127,56 @@ def test_limits_and_range_are_kept_with_target_velocities(seed: int, parameters:
     assert_in_range(run)
 
 
-@given(seed=SEEDS, jerk=st.sampled_from((100.0, 500.0)), override=st.sampled_from((5.0, 20.0)))
-def test_where_a_velocity_is_taken_any_destination_may_follow_while_the_axis_turns(
+def nearest_to_the_end(velocities: TargetVelocities, limits: JointLimits, axis: int, velocity: float) -> float:
+    """Return the farthest position at which an axis may have a velocity; 0.0 if there is none."""
+
+    def taken(position: float) -> bool:
+        vectors = [tuple(value if other == axis else 0.0 for other in range(7)) for value in (position, velocity)]
+        made = destination(*vectors, arrived_ns=0, limits=limits, out_of_range=ErrorReason.POSITIONAL_LIMITS)
+        return not isinstance(made, Fault) and velocities.refused(made) is None
+
+    nearest, refused = 0.0, limits.position_max_rad[axis] + 1e-6
+    while taken(0.0) and refused - nearest > 1e-7:
+        middle = 0.5 * (nearest + refused)
+        nearest, refused = (middle, refused) if taken(middle) else (nearest, middle)
+    return nearest
+
+
+@settings(max_examples=200)
+@given(seed=SEEDS, jerk=st.sampled_from((30.0, 100.0, 500.0)), override=st.sampled_from((5.0, 20.0)))
+def test_on_the_way_to_a_velocity_near_the_end_of_the_range_any_destination_may_follow(
     seed: int, jerk: float, override: float
 ) -> None:
+    """An axis that turns there must still be able to stop there."""
     source = random.Random(seed)
     motion = smart(MotionParameters(acceleration_override=override, joint_jerk_percent=jerk))
     limits = smart_servo_limits(motion.basis, motion.parameters)
-    high, back = limits.position_max_rad[6], (*(0.0,) * 6, -source.uniform(0.3, 1.0) * limits.velocity_rad_s[6])
     velocities = TargetVelocities(limits)
-
-    def goal(position: float) -> Vector:
-        return (*(0.0,) * 6, position)
-
-    def taken(position: float) -> bool:
-        made = destination(goal(position), back, arrived_ns=0, limits=limits, out_of_range=ErrorReason.ERROR)
-        return not isinstance(made, Fault) and velocities.refused(made) is None
-
-    nearest, refused = 0.0, high
-    assert taken(nearest)
-    while refused - nearest > 1e-6:
-        middle = 0.5 * (nearest + refused)
-        nearest, refused = (middle, refused) if taken(middle) else (nearest, middle)
-    run = began(motion, at(tuple(goal(nearest))))  # type: ignore[arg-type]
-    assert run.go_to(goal(nearest), back) is None
-    way = math.ceil(motion.remaining_s(now_ns=0) * 1e3)
-    run.cycle(source.randint(1, max(1, way)))
-    assert run.go_to(goal(source.choice((high, high - 1e-3)))) is None
-    run.until(lambda: motion.interpolator is S.RESTING)
+    run = began(motion, at(shares(source, limits.position_max_rad, 0.9)))
+    for _ in range(6):
+        velocity = [source.choice((0.0, source.uniform(-1.0, 1.0) * most)) for most in limits.velocity_rad_s]
+        goal = [
+            source.choice((1.0, -1.0))
+            * nearest_to_the_end(velocities, limits, axis, value)
+            * source.choice((1.0, 0.97))
+            for axis, value in enumerate(velocity)
+        ]
+        velocity = [value if there else 0.0 for value, there in zip(velocity, goal, strict=True)]
+        assert run.go_to(tuple(goal), tuple(velocity)) is None
+        run.now_ns += 1_000_000
+        set_point = motion.interpolate(now_ns=run.now_ns, started_ns=run.now_ns)
+        if isinstance(set_point, Fault):
+            assert set_point.reason == ErrorReason.POSITIONAL_LIMITS
+            break
+        run.set_points.append(set_point)
+        run.cycle(source.randint(0, math.ceil(motion.remaining_s(now_ns=run.now_ns) * 1e3)))
+        after = (
+            source.choice((high, -high, here)) for high, here in zip(limits.position_max_rad, run.now[0], strict=True)
+        )
+        assert run.go_to(tuple(after)) is None
+        run.cycle(source.randint(20, 300))
     assert_within(run, limits)
+    assert_no_jump(run)
     assert_in_range(run)
 
 

@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from enum import StrEnum
 from typing import Protocol, TypeAlias
 
-from transport.servo import ServoCodec
-
 from apps.fri_joint_sine import JointSine
 from hil.client.fri import ClientSession
 from hil.config.station import RobotConfig
@@ -28,6 +26,7 @@ from hil.values.servo import (
     State,
     Welcome,
 )
+from transport.servo import ServoCodec
 
 PEER = Address("127.0.0.1", 30200)
 _APPLICATION = Address("127.0.0.1", 40000)

@@ -14,9 +14,10 @@ class TargetVelocities:
 
     def __init__(self, limits: JointLimits) -> None:
         self._limits = limits
-        # An axis with acceleration a turns round a³/(8j²) after v = a²/(2j), from where it needs a³/(6j²) to stop. With
-        # the difference kept free, a new destination can be taken while it turns. It never has more acceleration than
-        # its jerk builds up between full velocity in one direction and in the other, sqrt(2vj).
+        # On its way to a velocity an axis may have to turn round. With acceleration a it does so a³/(8j²) after it had
+        # v = a²/(2j), from where it would need a³/(6j²) to stop: with the difference kept free, it can still stop in
+        # its range if the next destination asks for that. It never has more acceleration than its jerk builds up
+        # between full velocity in one direction and in the other, sqrt(2vj).
         self._turning_rad = [
             min(acceleration, math.sqrt(2.0 * velocity * jerk)) ** 3 / (24.0 * jerk * jerk) + MARGIN_RAD
             for velocity, acceleration, jerk in zip(
