@@ -133,7 +133,7 @@ _TORQUE_14_NM: Seven = (320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0)
 # takes, and what a step response compares): 500 % is sqrt(2 a³ / 5 degrees). It is never above the jerk of a PTP,
 # which is what bounds A1, A3 and A5, A4 of size 7 and A2 of size 14.
 # A step of 5 degrees takes 0.33 s (A1) to 0.65 s (A2) with the defaults, and 0.13 s to 0.20 s with 20 and 500 %; the
-# arm in MuJoCo follows both within 4 mrad (measured, all robots).
+# arm in MuJoCo is never more than 2.1 mrad behind in either (measured, all robots).
 _SERVO_ACCELERATION_7_RAD_S2: Seven = (3.5, 0.87, 1.4, 1.9, 3.5, 1.2, 1.2)
 _SERVO_ACCELERATION_14_RAD_S2: Seven = (3.6, 1.6, 2.1, 1.8, 3.6, 1.4, 1.5)
 _SERVO_JERK_7_RAD_S3: Seven = (170.0, 69.0, 110.0, 220.0, 230.0, 110.0, 110.0)

@@ -260,3 +260,18 @@ def test_parameters_out_of_range_are_named_with_value_and_range(
     assert fault.reason == reason
     assert detail in fault.detail
     assert bad_parameter(MotionParameters(), SMART_SERVO_CHECKS) is None
+
+
+def test_a_way_keeps_the_margin_it_is_told_from_the_ends_of_the_range() -> None:
+    high, back = BASIS.limits.position_max_rad[6], -2.0
+    planner = planner_of(acceleration_override=20.0, joint_jerk_percent=500.0)
+    axis = tuple(float(index == 6) for index in range(JOINT_COUNT))
+    start = SetPoint(tuple((high - 0.2) * one for one in axis), STILL)  # type: ignore[arg-type]
+    velocity: Seven = tuple(back * one for one in axis)  # type: ignore[assignment]
+    plan = planned(planner.to_goal(start, start.position_rad, velocity_rad_s=velocity))
+    turn = max(plan.at(share * plan.duration_s).position_rad[6] for share in np.linspace(0.0, 1.0, 2001))
+    assert 0.0 < high - turn < 0.1
+    for margin, keeps in ((high - turn + 1e-4, False), (high - turn - 1e-4, True)):
+        margins: Seven = tuple(margin * one for one in axis)  # type: ignore[assignment]
+        way = planner.to_goal(start, start.position_rad, velocity_rad_s=velocity, margin_rad=margins)
+        assert isinstance(way, Plan) is keeps

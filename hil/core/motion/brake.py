@@ -1,4 +1,8 @@
-"""Braking to a standstill on the path: all axes stop together, so the arm stays on the line it was moving along."""
+"""Braking to a standstill on the path: all axes stop together, so the arm stays on the line it was moving along.
+
+It was moving along one if its acceleration was in the direction of its velocity, or none; else the way it stops on is
+as curved as the one it was on.
+"""
 
 import math
 
