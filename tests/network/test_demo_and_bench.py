@@ -7,7 +7,7 @@ from tests.support.processes import finish, hil
 
 
 def test_demo_leaves_picture_status_capture_and_table(tmp_path: Path) -> None:
-    ended = finish(hil("demo", "--out", tmp_path / "out", "--seconds", 3), timeout_s=90)
+    ended = finish(hil("demo", "--out", tmp_path / "out", "--seconds", 6), timeout_s=90)
     assert ended.code == 0, ended.err
     assert "COMMANDING_ACTIVE" in ended.out
     assert (tmp_path / "out" / "run.png").read_bytes().startswith(b"\x89PNG")

@@ -23,6 +23,17 @@ MOTIONS: dict[MotionKind, type[ApplicationMotion]] = {
     MotionKind.SMART_SERVO: SmartServo,
     MotionKind.DIRECT_SERVO: DirectServo,
 }
+START: Seven = load_description("lbr-iiwa-7-r800").initial_position_rad
+FAST = MotionParameters(acceleration_override=20.0, joint_jerk_percent=500.0)
+"""SmartServo with the reserves of an unloaded arm (manual 7.12)."""
+SMART_SERVO_SETTINGS = (
+    MotionParameters(),
+    FAST,
+    MotionParameters(acceleration_override=20.0, joint_jerk_percent=1500.0),
+    MotionParameters(acceleration_override=20.0, joint_jerk_percent=20.0),
+    MotionParameters(joint_velocity_rel=0.02, acceleration_override=20.0, joint_jerk_percent=500.0),
+    MotionParameters(joint_velocity_rel=0.5, joint_acceleration_rel=0.1, acceleration_override=5.0),
+)
 PRECISION_RAD = 4e-8
 """Ruckig meets a position to 1e-8 rad and the last step makes it good; at the end of a range twice 2e-8 are kept."""
 
@@ -32,6 +43,21 @@ def basis_of(robot: str = "lbr-iiwa-7-r800", *, cycle_ms: int = 1, dead_time_ms:
     description = load_description(robot)
     dead_time_ns = round(dead_time_ms * 1e6)
     return MotionBasis(description.limits, description.servo, cycle_ms * 1_000_000, dead_time_ns, dead_time_ns)
+
+
+def at(position: Seven = START) -> SetPoint:
+    """Return a set point that stands still."""
+    return SetPoint(position, STILL)
+
+
+def moved(start: Seven = START, /, **axes: float) -> Seven:
+    """Return ``start`` with the named axes (``A1`` to ``A7``) moved by so many rad."""
+    return tuple(value + axes.get(f"A{axis}", 0.0) for axis, value in enumerate(start, start=1))  # type: ignore[return-value]
+
+
+def smart(parameters: MotionParameters | None = None, destination: Vector | None = None, **basis: float) -> SmartServo:
+    """Return a SmartServo of the iiwa 7."""
+    return SmartServo(parameters or MotionParameters(), basis=basis_of(**basis), destination=destination)  # type: ignore[arg-type]
 
 
 class Run:

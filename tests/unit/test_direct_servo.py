@@ -25,25 +25,27 @@ from hil.values.motion import (
 )
 from hil.values.robot import JOINT_COUNT, Seven
 from hil.values.servo import Vector
-from tests.support.interpolation import Run, assert_in_range, assert_no_jump, basis_of, began, place, shares
+from tests.support.interpolation import (
+    START,
+    Run,
+    assert_in_range,
+    assert_no_jump,
+    at,
+    basis_of,
+    began,
+    moved,
+    place,
+    shares,
+)
 
 SEEDS = st.integers(0, 2**32)
 S = FineInterpolatorState
-START = load_description("lbr-iiwa-7-r800").initial_position_rad
 
 
 def direct(
     parameters: MotionParameters | None = None, destination: Vector | None = None, **basis: float | str
 ) -> DirectServo:
     return DirectServo(parameters or MotionParameters(), basis=basis_of(**basis), destination=destination)  # type: ignore[arg-type]
-
-
-def at(position: Seven = START) -> SetPoint:
-    return SetPoint(position, STILL)
-
-
-def moved(start: Seven = START, **axes: float) -> Seven:
-    return tuple(value + axes.get(f"A{axis}", 0.0) for axis, value in enumerate(start, start=1))  # type: ignore[return-value]
 
 
 def near(source: random.Random, motion: DirectServo, here: Seven) -> Seven:
@@ -109,7 +111,7 @@ def test_a_step_from_rest_does_not_overshoot_and_is_reached_exactly(
 ) -> None:
     motion = DirectServo(parameters, basis=basis, destination=None)
     run = began(motion, at())
-    goal = moved(**{f"A{axis + 1}": sign * step * DIRECT_SERVO_DELTA_RAD})  # type: ignore[arg-type]  # names of axes
+    goal = moved(**{f"A{axis + 1}": sign * step * DIRECT_SERVO_DELTA_RAD})  # names of axes
     assert run.go_to(goal) is None
     cycles = run.until(lambda: motion.interpolator is S.RESTING)
     assert run.now == SetPoint(goal, STILL, STILL)

@@ -9,35 +9,28 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from backends.robots import load_description, robot_names
+from backends.robots import robot_names
 from hil.core.motion.motion_limits import point_to_point_limits
 from hil.core.motion.point_to_point import TAKES_NO_DESTINATION, PointToPoint
 from hil.core.motion.set_point import STILL, SetPoint
 from hil.values.motion import ErrorReason, FineInterpolatorState, MotionKind, MotionParameters
-from hil.values.robot import Seven
 from hil.values.servo import Vector
 from tests.support.interpolation import (
+    START,
     Run,
     assert_in_range,
     assert_no_jump,
     assert_within,
+    at,
     basis_of,
     began,
     make,
+    moved,
     place,
 )
 
 SEEDS = st.integers(0, 2**32)
 S = FineInterpolatorState
-START = load_description("lbr-iiwa-7-r800").initial_position_rad
-
-
-def at(position: Seven = START) -> SetPoint:
-    return SetPoint(position, STILL)
-
-
-def moved(**axes: float) -> Seven:
-    return tuple(value + axes.get(f"A{axis}", 0.0) for axis, value in enumerate(START, start=1))  # type: ignore[return-value]
 
 
 def ptp(point: Vector | None, parameters: MotionParameters | None = None) -> PointToPoint:
