@@ -238,6 +238,42 @@ def test_blending_needs_the_next_ptp_in_time() -> None:
     assert corner[0] in application.bench.commanded(0)
 
 
+@pytest.mark.parametrize("how", ["goodbye", "close", "withdrawn"])
+def test_between_two_motions_everything_may_leave(how: str) -> None:
+    application = joined()
+    bench, start = application.bench, start_of(application)
+    application.start(MotionKind.PTP, offset(start, A4=0.1))
+    waiting = application.start(MotionKind.PTP, offset(start, A4=0.5))
+    application.run_until(lambda: len(bench.controller.motion.applications) == 1)
+    assert bench.controller.motion.applications.active is None
+    if how == "goodbye":
+        application.goodbye()
+    elif how == "close":
+        bench.controller.close(now_ns=bench.now_ns)
+    else:
+        application.stop(waiting)
+    bench.cycle()
+    bench.cycle()
+    assert bench.controller.motion.at_rest
+    assert bench.commanded(3)[-1] == start[3] + 0.1
+    bench.controller.close(now_ns=bench.now_ns)
+    bench.run(0.01)
+    assert bench.controller.closed
+
+
+def test_a_stop_and_a_bad_destination_in_one_packet_brake_the_arm() -> None:
+    application = joined()
+    start = start_of(application)
+    one = application.start(MotionKind.SMART_SERVO, offset(start, A4=0.5))
+    two = application.start(MotionKind.SMART_SERVO)
+    application.run(0.3)
+    application.ask(lambda number: StopMotion(number, one), lambda number: SetDestination(number, two, (99.0,) * 7))
+    application.run(1.0)
+    assert application.bench.controller.motion.at_rest
+    assert application.bench.controller.motion.phase is Phase.HOLDING
+    assert_no_jump(application)
+
+
 def test_the_queue_is_bounded() -> None:
     application = joined()
     for _ in range(MAX_MOTIONS):

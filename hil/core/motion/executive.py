@@ -105,6 +105,9 @@ class MotionExecutive:
         A fault is one of the application's motion; the caller ends it with :meth:`brake` and asks again.
         """
         applications = self.applications
+        if self.phase is Phase.APPLICATION and not applications:
+            # The last motion left while none had the arm: between the end of one and the beginning of the next.
+            self._rest()
         if applications and self.phase is not Phase.BRAKING:
             active = applications.active
             if active is None or (len(applications) > 1 and applications.next_blends(now_ns=now_ns)):
