@@ -385,6 +385,8 @@ def test_direct_servo_out_of_the_axis_range() -> None:
     [
         (MotionParameters(joint_velocity_rel=0.0), ErrorReason.INVALID_INPUT_VALUES),
         (MotionParameters(joint_velocity_rel=1.5), ErrorReason.OVERRIDE_OUT_OF_RANGE),
+        (MotionParameters(joint_jerk_percent=1e-200), ErrorReason.INVALID_INPUT_VALUES),
+        (MotionParameters(acceleration_override=5e-324), ErrorReason.INVALID_INPUT_VALUES),
         (MotionParameters(joint_acceleration_rel=-0.1), ErrorReason.OVERRIDE_OUT_OF_RANGE),
         (MotionParameters(acceleration_override=21.0), ErrorReason.OVERRIDE_OUT_OF_RANGE),
         (MotionParameters(joint_jerk_percent=math.nan), ErrorReason.OVERRIDE_OUT_OF_RANGE),
@@ -451,6 +453,18 @@ def test_in_t1_a_motion_that_is_too_fast_ends_with_the_manuals_reason() -> None:
     model = ArmModel(load_pinocchio("lbr-iiwa-14-r820"))
     commands = application.bench.backend.commands  # type: ignore[attr-defined]
     assert max(model.flange_speed_mm_s(command.position_rad, command.velocity_rad_s) for command in commands) <= 250.0
+
+
+def test_a_velocity_next_to_nothing_for_ever_is_borne() -> None:
+    application = joined()
+    parameters = MotionParameters(velocity_planning=True, speed_timeout_s=1.7e308)
+    motion = application.start(MotionKind.SMART_SERVO, None, parameters)
+    application.set_destination(motion, offset(start_of(application), A1=0.01), (1e-308,) + (0.0,) * 6)
+    application.run(1.5)
+    assert application.motion(motion).interpolator is FineInterpolatorState.VELOCITY_AFTER_GOAL_REACH
+    application.stop(motion)
+    application.run(0.5)
+    assert application.bench.controller.motion.at_rest
 
 
 class StuckArm(IdealBackend):

@@ -53,6 +53,8 @@ POINT_TO_POINT_CHECKS: Final[Checks] = {
 SMART_SERVO_CHECKS: Final[Checks] = {**_VELOCITY, **_ACCELERATION, **_OVERRIDE, **_TIMES, **_SPEED_TIMEOUT}
 DIRECT_SERVO_CHECKS: Final[Checks] = {**_VELOCITY, **_TIMES}
 
+_SMALLEST_FACTOR: Final = 1e-9
+"""Below it a factor is as good as 0, and its square or cube is nothing to divide by."""
 _MUST_NOT_BE_ZERO: Final = frozenset(
     {"joint_velocity_rel", "joint_acceleration_rel", "acceleration_override", "joint_jerk_percent"}
 )
@@ -69,8 +71,8 @@ def bad_parameter(parameters: MotionParameters, checks: Checks) -> Fault | None:
             allowed.check(value)
         except OutOfRange as error:
             return Fault(reason, str(error))
-        if value == 0.0 and attribute in _MUST_NOT_BE_ZERO:
-            return Fault(ErrorReason.INVALID_INPUT_VALUES, f"{allowed.name} is 0, nothing would move")
+        if value < _SMALLEST_FACTOR and attribute in _MUST_NOT_BE_ZERO:
+            return Fault(ErrorReason.INVALID_INPUT_VALUES, f"{allowed.name} is {value:g}, nothing would move")
     return bad_execution_time(parameters.minimum_execution_time_s) if "minimum_execution_time_s" in checks else None
 
 

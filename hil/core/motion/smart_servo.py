@@ -27,6 +27,8 @@ from hil.values.robot import JointLimits, Seven
 from hil.values.servo import Vector
 
 _S = FineInterpolatorState
+_FOR_EVER_S = 1e6
+"""Eleven days: longer than anybody coasts, and a number of cycles that can be counted."""
 
 
 class Leg(Enum):
@@ -150,7 +152,7 @@ class SmartServo(ServoMotion):
 
     def _coast(self, now_ns: int) -> None:
         planning = self.parameters.velocity_planning
-        longest_s = min(self.parameters.speed_timeout_s, self._velocities.longest_coasting_s(self._goal))
+        longest_s = min(self.parameters.speed_timeout_s, self._velocities.longest_coasting_s(self._goal), _FOR_EVER_S)
         cycles = math.floor(longest_s / self._cycle_s + 1e-6) if planning else 0
         self._leg = Leg.COASTING
         self._course = CoastingCourse(self._set_point, cycles, cycle_s=self._cycle_s)
