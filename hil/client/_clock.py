@@ -5,14 +5,25 @@ this one small module reads the clock for the shells, and only to learn how long
 and how long a call took: no message, no command and no callback depends on it.
 """
 
+import math
+import threading
 import time
+
+from hil.values.errors import ConfigurationError
 
 
 class Deadline:
-    """A moment ``after_s`` seconds from now or from the last :meth:`restart`; None never comes."""
+    """A moment ``after_s`` seconds from now or from the last :meth:`restart`; None never comes.
+
+    What is farther away than a thread can wait for (some 292 years) never comes either. Raises
+    :class:`ConfigurationError` for what is not a number.
+    """
 
     def __init__(self, after_s: float | None) -> None:
-        self._after_ns = None if after_s is None else int(after_s * 1e9)
+        if after_s is not None and math.isnan(after_s):
+            raise ConfigurationError("a timeout of nan s; a number of seconds is needed, or None to wait for ever")
+        never = after_s is None or after_s > threading.TIMEOUT_MAX
+        self._after_ns = None if never or after_s is None else int(max(after_s, -1.0) * 1e9)
         self._due_ns = 0
         self.restart()
 

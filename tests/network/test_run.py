@@ -79,7 +79,7 @@ def test_a_stranger_is_counted_and_answered_nothing(tmp_path: Path) -> None:
         (["--capture", "/nowhere/at/all.pcapng"], "/nowhere/at/all.pcapng"),
         (["--status-json", "/nowhere/at/all.json"], "there is no folder /nowhere/at"),
         (["--status-json", "/tmp"], "that is a folder"),  # noqa: S108
-        (["--status-json", "/tmp/x", "--capture", "/tmp/x"], "cannot be both"),  # noqa: S108
+        (["--status-json", "/tmp/x.pcapng", "--capture", "/tmp/x.pcapng"], "cannot be both"),  # noqa: S108
         (["--fri-client", "127.0.0.1:0"], "needs a port of its own"),
         (["nothing.toml"], "cannot read station file nothing.toml"),
     ],

@@ -558,3 +558,19 @@ def test_arguments_of_the_wrong_kind_are_refused_and_the_session_lives(client: S
     runtime.activate_velocity_planning()
     assert str(runtime.get_fine_ipo_state()) == "MOVING"
     assert runtime.stop_motion()
+
+
+@pytest.mark.parametrize("for_ever_s", [1e10, 1e300, float("inf")])
+def test_a_timeout_longer_than_anybody_lives_is_for_ever(client: ServoClient, for_ever_s: float) -> None:
+    assert client.wait_for_state(for_ever_s) is not None
+    motion = PTP(START)
+    client.move_async(motion)
+    assert motion.wait_until_ended(for_ever_s)
+
+
+def test_what_is_no_time_is_refused(client: ServoClient) -> None:
+    with pytest.raises(UsageError, match="a timeout of nan s"):
+        client.wait_for_state(float("nan"))
+    for too_long_s in (1e308, float("inf"), float("nan")):
+        with pytest.raises(OutOfRange, match="connect timeout"):
+            ServoClient(connect_timeout_s=too_long_s)

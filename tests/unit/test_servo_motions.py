@@ -272,6 +272,8 @@ def test_a_stop_and_a_bad_destination_in_one_packet_brake_the_arm() -> None:
     assert application.bench.controller.motion.at_rest
     assert application.bench.controller.motion.phase is Phase.HOLDING
     assert_no_jump(application)
+    [stop] = application.bench.controller.stops
+    assert "RML_ERROR_POSITIONAL_LIMITS" in stop.reason
 
 
 def test_the_queue_is_bounded() -> None:

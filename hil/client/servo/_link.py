@@ -36,7 +36,7 @@ FAREWELLS: Final = 3
 DEFAULT_CONTROLLER: Final = f"127.0.0.1:{SERVO_PORT}"
 _WATCHDOG = ParameterRange("watchdog", MIN_WATCHDOG_MS, MAX_WATCHDOG_MS, DEFAULT_WATCHDOG_MS, "ms")
 _STATE_PERIOD = ParameterRange("state period", MIN_STATE_PERIOD_MS, MAX_STATE_PERIOD_MS, DEFAULT_STATE_PERIOD_MS, "ms")
-_CONNECT_TIMEOUT = ParameterRange("connect timeout", 0.0, float("inf"), 5.0, "s")
+_CONNECT_TIMEOUT = ParameterRange("connect timeout", 0.0, 86_400.0, 5.0, "s")
 
 
 class ClientShell:

@@ -75,7 +75,10 @@ class MotionExecutive:
 
     def fail_application_motion(self, fault: Fault, *, now_ns: int, number: int | None = None) -> bool:
         """End an application's motion and all behind it; return whether the arm began to brake with it."""
-        if not self.applications.fail(fault, now_ns=now_ns, number=number):
+        had_the_arm = self.applications.fail(fault, now_ns=now_ns, number=number)
+        # Between the end of one motion and the beginning of the next the arm still moves as the first one left it.
+        in_between = self.phase is Phase.APPLICATION and self.applications.active is None and not self.applications
+        if not (had_the_arm or in_between):
             return False
         self._brake()
         return True
