@@ -14,6 +14,7 @@ from hil.client.servo import (
     DirectServo,
     DirectServoRuntime,
     HilError,
+    ProgramState,
     ServoClient,
     SmartServo,
     SmartServoRuntime,
@@ -69,6 +70,9 @@ def run_sample(
     timing = StatisticTimer()
     with ServoClient(controller, name=type(motion).__name__, key=key, state_period_ms=2) as robot:
         say(f"connected to {controller}; PTP to the start pose")
+        operator = robot.operator
+        if operator.program is not ProgramState.RUNNING:
+            say(f"nothing moves yet, the program is {operator.program.name}: {operator.reason}")
         robot.move(PTP(tuple(map(math.radians, START_DEG))))
         robot.move_async(motion)
         runtime = motion.get_runtime()

@@ -1,16 +1,36 @@
 """Base of the robot sides that live in this process: owns the checks and the life cycle, a backend fills in hooks."""
 
+import math
 from abc import ABC, abstractmethod
+from typing import Final
 
 from hil.values.arm import ArmState, Capabilities, JointCommand
 from hil.values.errors import BackendError, ConfigurationError
+from hil.values.fri import DriveState
+from hil.values.robot import JOINT_COUNT, Seven
+
+BRAKE_RELEASE_NS: Final = 300_000_000
+"""From switching on to ACTIVE. Ours: no public figure; brakes of such drives take some tenths of a second to open."""
+
+_NO_TORQUE: Seven = (0.0,) * JOINT_COUNT  # type: ignore[assignment]
+_OFF = (DriveState.OFF,) * JOINT_COUNT
+_TRANSITIONING = (DriveState.TRANSITIONING,) * JOINT_COUNT
+_ACTIVE = (DriveState.ACTIVE,) * JOINT_COUNT
 
 
 class InProcessBackend(ABC):
-    """``open`` and ``close`` are idempotent; ``open`` never moves the arm; reading a closed backend is an error."""
+    """``open`` and ``close`` are idempotent; ``open`` never moves the arm; reading a closed backend is an error.
+
+    The seven drives are switched together. Brakes grip at once, and are released in ``BRAKE_RELEASE_NS`` of stepped
+    time.
+    """
 
     def __init__(self) -> None:
         self._period_ns: int | None = None
+        self._drive_states = _ACTIVE
+        self._release_in_steps = 0
+        self._sample = 0
+        self._measured: ArmState | None = None
 
     @property
     @abstractmethod
@@ -18,7 +38,7 @@ class InProcessBackend(ABC):
         """What this robot side can do."""
 
     def open(self, *, period_ns: int) -> None:
-        """Get ready to be stepped every ``period_ns``; raise :class:`ConfigurationError` if that is too short."""
+        """Get ready to be stepped every ``period_ns``, drives on; raise :class:`ConfigurationError` if too short."""
         if self._period_ns is not None:
             return
         shortest_ns = self.capabilities.shortest_period_ns
@@ -26,16 +46,23 @@ class InProcessBackend(ABC):
             raise ConfigurationError(
                 f"a control cycle of {period_ns / 1e6:g} ms is no multiple of this backend's {shortest_ns / 1e6:g} ms"
             )
+        if self._drive_states is not _ACTIVE:
+            self._release_brakes()
+            self._drive_states = _ACTIVE
         self._open(period_ns)
+        self._sample += 1
+        self._measured = None
         self._period_ns = period_ns
 
     def read(self) -> ArmState:
-        """Return the newest measured state."""
+        """Return the newest measured state; the same one until the next step, but for what the drives do."""
         self._require_open("read")
-        try:
-            return self._read()
-        except Exception as error:
-            raise self._failure("read", error) from error
+        if self._measured is None:
+            try:
+                self._measured = self._read()
+            except Exception as error:
+                raise self._failure("read", error) from error
+        return self._measured
 
     def write(self, command: JointCommand) -> None:
         """Take the command of this cycle."""
@@ -50,8 +77,33 @@ class InProcessBackend(ABC):
         self._require_open("step")
         try:
             self._step()
+            if self._drive_states is _TRANSITIONING:
+                self._release_in_steps -= 1
+                if self._release_in_steps == 0:
+                    self._release_brakes()
+                    self._drive_states = _ACTIVE
         except Exception as error:
             raise self._failure("step", error) from error
+        self._sample += 1
+        self._measured = None
+
+    def switch_drives(self, *, on: bool) -> None:
+        """Release the brakes and let the drives hold the arm, or drop them and let the brakes grip; idempotent."""
+        period_ns = self._require_open("switch the drives of")
+        if on == (self._drive_states is not _OFF):
+            return
+        # What was measured before the switch stays what was measured; only the drives are told anew.
+        measured = self.read()
+        if on:
+            self._drive_states = _TRANSITIONING
+            self._release_in_steps = math.ceil(BRAKE_RELEASE_NS / period_ns)
+        else:
+            try:
+                self._apply_brakes()
+            except Exception as error:
+                raise self._failure("switch_drives", error) from error
+            self._drive_states = _OFF
+        self._measured = measured._replace(drive_states=self._drive_states, commanded_torque_nm=_NO_TORQUE)
 
     def close(self) -> None:
         """Release everything."""
@@ -65,9 +117,11 @@ class InProcessBackend(ABC):
             return error
         return BackendError(f"{type(self).__name__} failed in {what}: {type(error).__name__}: {error}")
 
-    def _require_open(self, what: str) -> None:
+    def _require_open(self, what: str) -> int:
+        """Return the period, which only an open robot side has."""
         if self._period_ns is None:
             raise BackendError(f"cannot {what} a {type(self).__name__} that is not open")
+        return self._period_ns
 
     @abstractmethod
     def _open(self, period_ns: int, /) -> None: ...
@@ -80,6 +134,14 @@ class InProcessBackend(ABC):
 
     @abstractmethod
     def _step(self) -> None: ...
+
+    @abstractmethod
+    def _apply_brakes(self) -> None:
+        """From the next step on the motors give nothing and the brakes hold; also while they are being released."""
+
+    @abstractmethod
+    def _release_brakes(self) -> None:
+        """From the next step on the drives hold the newest command, or the one that comes before that step."""
 
     def _close(self) -> None:
         """Nothing to release unless a backend says so."""

@@ -1,15 +1,14 @@
-"""The ideal arm: follows every set point exactly, one cycle later.
+"""The ideal arm: follows every set point exactly, one cycle later; its brakes stop it within one cycle.
 
 Not modelled: mass, friction, torque (all torques are zero), contact, sensor noise. For tests of what is not the arm.
 """
 
 from backends.base import InProcessBackend
 from hil.values.arm import ArmState, Capabilities, JointCommand
-from hil.values.fri import ControlMode, DriveState
+from hil.values.fri import ControlMode
 from hil.values.robot import JOINT_COUNT, RobotDescription, Seven
 
 _ZERO: Seven = (0.0,) * JOINT_COUNT  # type: ignore[assignment]
-_ACTIVE = (DriveState.ACTIVE,) * JOINT_COUNT
 
 
 class IdealBackend(InProcessBackend):
@@ -20,26 +19,39 @@ class IdealBackend(InProcessBackend):
         self._position = description.initial_position_rad
         self._velocity = _ZERO
         self._next = JointCommand(self._position, _ZERO)
+        self._braked = False
 
     @property
     def capabilities(self) -> Capabilities:
-        """Seven joints, position control, cycles of whole milliseconds."""
+        """Seven joints, position control, drives that can be dropped, cycles of whole milliseconds."""
         return Capabilities(
             joint_count=JOINT_COUNT,
             control_modes=frozenset({ControlMode.POSITION}),
             shortest_period_ns=1_000_000,
             paces_the_cycle=False,
             moves_real_drives=False,
+            switches_drives=True,
         )
 
     def _open(self, _period_ns: int) -> None:
+        self._velocity = _ZERO
         self._next = JointCommand(self._position, _ZERO)
 
     def _read(self) -> ArmState:
-        return ArmState(self._position, self._velocity, _ZERO, _ZERO, _ZERO, _ACTIVE)
+        return ArmState(self._position, self._velocity, _ZERO, _ZERO, _ZERO, self._drive_states, self._sample)
 
     def _write(self, command: JointCommand) -> None:
         self._next = command
 
     def _step(self) -> None:
-        self._position, self._velocity, _ = self._next
+        if self._braked:
+            self._velocity = _ZERO
+        else:
+            self._position, self._velocity, _ = self._next
+
+    def _apply_brakes(self) -> None:
+        self._braked = True
+        self._next = JointCommand(self._next.position_rad, _ZERO)
+
+    def _release_brakes(self) -> None:
+        self._braked = False

@@ -6,7 +6,9 @@ The commanded acceleration is fed forward: without it the arm runs past the end 
 SmartServo with override 20 and jerk 1500 %), with it by nothing as long as no motor is at its torque limit.
 
 Measured torque is the link side of the gear, actuation minus the torque that accelerates the rotor, with the sign of
-the facts (4.4). Not modelled: contact, joint elasticity, gear friction, sensor offset, position noise.
+the facts (4.4). Dropped drives give none, but their brakes do, and sit on the same side of the gear. Commanded torque
+is what the position controller asks for; MuJoCo cuts off what a motor cannot give. Not modelled: contact, joint
+elasticity, gear friction, sensor offset, position noise.
 """
 
 from typing import TYPE_CHECKING
@@ -15,18 +17,18 @@ import mujoco
 import numpy as np
 
 from backends.base import InProcessBackend
+from backends.mujoco.brakes import Brakes
 from backends.mujoco.torque_sensors import TorqueSensors
 from backends.robots import load_mujoco
 from hil.values.arm import ArmState, Capabilities, JointCommand
 from hil.values.errors import BackendError
-from hil.values.fri import ControlMode, DriveState
+from hil.values.fri import ControlMode
 from hil.values.robot import JOINT_COUNT, RobotDescription
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _STEP_NS = 1_000_000
-_ACTIVE = (DriveState.ACTIVE,) * JOINT_COUNT
 
 LOOP_FREQUENCY_RAD_S = 100.0
 """Natural frequency of the position loop. Ours: a tenth of the simulation rate, so the discrete loop is well damped."""
@@ -49,64 +51,96 @@ class MujocoBackend(InProcessBackend):
         self._rate_change: NDArray[np.float64] = data.qacc
         self._motor: NDArray[np.float64] = data.ctrl
         self._armature: NDArray[np.float64] = self._model.dof_armature.copy()
+        self._position[:] = description.initial_position_rad
+        self._brakes = Brakes(self._model, description.limits.torque_nm)
+        self._braked = False
+        self._brake_torque: NDArray[np.float64] | None = None
         self._sensors = TorqueSensors(seed=seed)
         self._steps = 1
         self._time = 0.0
         self._torque = np.zeros(JOINT_COUNT)
         self._acceleration = np.zeros(JOINT_COUNT)
         self._damping = np.zeros(JOINT_COUNT)
-        self._from = np.array(description.initial_position_rad)
-        self._to = self._from.copy()
+        self._from = self._to = self._position.copy()
+        self._follows_on = True
         self._velocity = np.zeros(JOINT_COUNT)
         self._feed_forward = np.zeros(JOINT_COUNT)
 
     @property
     def capabilities(self) -> Capabilities:
-        """Seven joints, position control, cycles of whole milliseconds."""
+        """Seven joints, position control, drives that can be dropped, cycles of whole milliseconds."""
         return Capabilities(
             joint_count=JOINT_COUNT,
             control_modes=frozenset({ControlMode.POSITION}),
             shortest_period_ns=_STEP_NS,
             paces_the_cycle=False,
             moves_real_drives=False,
+            switches_drives=True,
         )
 
     def _open(self, period_ns: int) -> None:
         self._steps = period_ns // _STEP_NS
-        self._position[:] = self._from
+        self._from = self._to = self._position.copy()
+        self._velocity = self._feed_forward = np.zeros(JOINT_COUNT)
+        self._follows_on = True
+        self._brake_torque = None
         self._rate[:] = 0.0
         mujoco.mj_forward(self._model, self._data)
         self._motor[:] = self._bias
         mujoco.mj_forward(self._model, self._data)
 
     def _read(self) -> ArmState:
-        actuation = self._actuation
-        measured, external = self._sensors.sense(self._armature * self._rate_change - actuation, self._applied)
+        torque = self._armature * self._rate_change - self._actuation
+        if self._brake_torque is not None:
+            torque -= self._brake_torque
+        measured, external = self._sensors.sense(torque, self._applied)
         return ArmState(
             tuple(self._position.tolist()),
             tuple(self._rate.tolist()),
             tuple(measured.tolist()),
             tuple(external.tolist()),
-            tuple((-actuation).tolist()),
-            _ACTIVE,
+            tuple((-self._motor).tolist()),
+            self._drive_states,
+            self._sample,
         )
 
     def _write(self, command: JointCommand) -> None:
-        self._from = self._to
         # One array of 21 numbers costs less than three of seven.
         numbers = np.array(command.position_rad + command.velocity_rad_s + command.acceleration_rad_s2)
+        self._from = self._to if self._follows_on else numbers[:7]
         self._to, self._velocity, self._feed_forward = numbers[:7], numbers[7:14], numbers[14:]
 
     def _step(self) -> None:
         model, data = self._model, self._data
-        for index in range(self._steps):
-            mujoco.mj_step1(model, data)
-            self._control(self._from if index == 0 else self._from + (self._to - self._from) * (index / self._steps))
-            mujoco.mj_step2(model, data)
+        if self._braked:
+            mujoco.mj_step(model, data, self._steps)
+            self._brake_torque = self._brakes.torque_nm(data)
+        else:
+            for index in range(self._steps):
+                mujoco.mj_step1(model, data)
+                self._control(
+                    self._from if index == 0 else self._from + (self._to - self._from) * (index / self._steps)
+                )
+                mujoco.mj_step2(model, data)
+            self._follows_on = True
+            self._brake_torque = None
         # MuJoCo answers a diverged state by starting over at time zero.
         if data.time < self._time:
             raise BackendError(f"MuJoCo diverged at simulation time {self._time:.3f} s")
         self._time = data.time
+
+    def _apply_brakes(self) -> None:
+        self._brakes.apply()
+        self._braked = True
+        self._motor[:] = 0.0
+        # Whatever is commanded next need not follow on what was commanded before, and that has come to rest.
+        self._follows_on = False
+        self._from = self._to
+        self._velocity = self._feed_forward = np.zeros(JOINT_COUNT)
+
+    def _release_brakes(self) -> None:
+        self._brakes.release()
+        self._braked = False
 
     def _control(self, reference: "NDArray[np.float64]") -> None:
         acceleration, damping = self._acceleration, self._damping

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from hil.config.station import Station, load_station
+from hil.config.station import RobotConfig, Station, load_station
 from hil.config.template import TEMPLATE
 from hil.values.errors import ConfigurationError
 
@@ -33,19 +33,19 @@ def init(file: Annotated[Path, typer.Argument(help="File to write.")] = Path("st
 def check(file: Annotated[Path, typer.Argument(help="Station file to check.")]) -> None:
     """Check a station file, addresses and names included, and show what it means."""
     station = load_station(file)
-    from backends.robots import load_description
-    from hil.runtime.assembly import check_backend, link_addresses, make_servo_codec
+    from hil.runtime.assembly import check_backend, link_addresses, make_servo_codec, robot_description
 
     table = Table("", *(escape(robot.name) for robot in station.robot), title=escape(str(file)))
     columns = []
     for robot in station.robot:
-        load_description(robot.model)
+        robot_description(robot)
         check_backend(robot.backend)
         addresses = link_addresses(robot)
         rows = {
             "model": robot.model,
             "backend": robot.backend,
-            "mode": robot.mode.value,
+            "mode": f"{robot.mode.value}{', enabled' if robot.enabled else ''}",
+            "limits": _limits(robot),
             "cycle": f"{robot.cycle_ms} ms, overrun {robot.overrun}",
         }
         if robot.fri is not None and addresses.fri is not None:
@@ -68,6 +68,12 @@ def check(file: Annotated[Path, typer.Argument(help="Station file to check.")]) 
         table.add_row(label, *(rows.get(label, "-") for rows in columns))
     Console().print(table)
     typer.echo(f"{file} is good")
+
+
+def _limits(robot: RobotConfig) -> str:
+    tightened = ", ".join(sorted(robot.limits.model_fields_set))
+    text = f"tightened: {tightened}" if tightened else "the robot's own"
+    return f"{text}; PERMISSIVE: monitors only report" if robot.permissive else text
 
 
 @app.command()

@@ -21,6 +21,12 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
     robot: Annotated[str | None, typer.Option(help="Robot model, such as lbr-iiwa-14-r820 (the default).")] = None,
     backend: Annotated[str | None, typer.Option(help="Robot side: mujoco (the default) or ideal.")] = None,
     mode: Annotated[Mode | None, typer.Option(help="Operation mode; AUT is the default.")] = None,
+    enabled: Annotated[
+        bool, typer.Option("--enabled", help="Begin T1 or T2 with the enabling switch held and start pressed.")
+    ] = False,
+    permissive: Annotated[
+        bool, typer.Option("--permissive", help="Monitors only report what would have stopped the arm.")
+    ] = False,
     fri_client: Annotated[
         str | None,
         typer.Option(metavar="HOST[:PORT]|off", help="Where the FRI client listens; 127.0.0.1:30200."),
@@ -49,6 +55,9 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
     reaction: Annotated[
         Reaction | None, typer.Option(help="Reaction time of servo motions; cabinet: 22 and 12 ms, ideal: none.")
     ] = None,
+    pad: Annotated[
+        str | None, typer.Option(metavar="SOCKET|off", help="Where hil pad finds this controller; chosen unless given.")
+    ] = None,
     capture: Annotated[Path | None, typer.Option(metavar="FILE.pcapng", help="Record all packets.")] = None,
     duration: Annotated[float | None, typer.Option(metavar="S", min=0.0, help="End after so many seconds.")] = None,
     status_json: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the run's figures at exit.")] = None,
@@ -58,7 +67,13 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
     realtime: Annotated[bool, typer.Option("--realtime", help="Ask for SCHED_FIFO, locked memory, a CPU.")] = False,
 ) -> None:
     """Serve FRI clients and servo applications. Ctrl-C brakes the arm, closes the sessions, and reports."""
-    overrides = {"model": robot, "backend": backend, "mode": mode}
+    overrides = {
+        "model": robot,
+        "backend": backend,
+        "mode": mode,
+        "enabled": enabled or None,
+        "permissive": permissive or None,
+    }
     fri = {
         "client": fri_client,
         "bind": fri_bind,
@@ -72,8 +87,7 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
         robot=_given(overrides),
         fri=_given(fri),
         servo=ServoOptions(servo, servo_key, reaction),
-        capture=capture,
-        realtime=realtime,
+        process=_given({"capture": capture, "pad": pad, "realtime": realtime or None}),
     )
     from hil.cli.summary import print_summary
     from hil.runtime.run import RunOptions, run_station
@@ -98,8 +112,7 @@ def station_of(
     robot: dict[str, Any],
     fri: dict[str, Any],
     servo: ServoOptions,
-    capture: Path | None,
-    realtime: bool,
+    process: dict[str, Any],
 ) -> Station:
     """Return the station of a file (or one default robot with both links) with options laid over it."""
     content: dict[str, Any] = {"robot": [{"fri": {}, "servo": {}}]}
@@ -110,10 +123,7 @@ def station_of(
         one.update(robot)
     _lay_fri_options(robots, fri, path)
     _lay_servo_options(robots, servo, path)
-    if capture is not None:
-        content["capture"] = capture
-    if realtime:
-        content["realtime"] = True
+    content.update(process)
     return parse_station(content, where="command line" if path is None else f"{path} with the options given")
 
 

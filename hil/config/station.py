@@ -7,6 +7,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from hil.config.limits import LimitsConfig
 from hil.core.settings import (
     CYCLE_CHOICES_MS,
     IDEAL_REACTION,
@@ -130,6 +131,10 @@ class RobotConfig(_Model):
     model: Annotated[str, Field(description="robot model")] = "lbr-iiwa-14-r820"
     backend: Annotated[str, Field(description="robot side: mujoco or ideal")] = "mujoco"
     mode: Annotated[Mode, Field(description="operation mode")] = Mode.AUT
+    enabled: Annotated[
+        bool,
+        Field(strict=True, description="begin T1 and T2 with the enabling switch held and the start key pressed"),
+    ] = False
     cycle_ms: Annotated[
         int, Field(strict=True, description=f"control cycle: {', '.join(map(str, CYCLE_CHOICES_MS))} ms")
     ] = 1
@@ -138,6 +143,8 @@ class RobotConfig(_Model):
     ] = Overrun.CATCH_UP
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**63, description="seed of the simulated sensor noise")] = 0
     reaction: Annotated[ReactionConfig, Field(description="system reaction time of servo motions")] = ReactionConfig()
+    permissive: Annotated[bool, Field(strict=True, description="monitors only report; never with real drives")] = False
+    limits: Annotated[LimitsConfig, Field(description="limits tighter than the robot's own")] = LimitsConfig()
     fri: Annotated[FriConfig | None, Field(description="FRI link; leave the section out for none")] = None
     servo: Annotated[ServoConfig | None, Field(description="servo link; leave the section out for none")] = None
 
@@ -152,6 +159,8 @@ class RobotConfig(_Model):
             fri=None if self.fri is None or fri_peer is None else self.fri.settings(fri_peer),
             servo=servo,
             reaction=self.reaction.settings(),
+            safety=self.limits.settings(permissive=self.permissive),
+            enabled=self.enabled,
         )
 
     @model_validator(mode="after")
@@ -165,6 +174,10 @@ class Station(_Model):
 
     realtime: Annotated[bool, Field(strict=True, description="ask for SCHED_FIFO, locked memory and a CPU")] = False
     capture: Annotated[Path | None, Field(description="pcapng file to record all packets to")] = None
+    pad: Annotated[
+        str | None,
+        Field(description="socket of the operator's pad, or off; default: one in a folder only its owner may open"),
+    ] = None
     robot: Annotated[list[RobotConfig], Field(min_length=1, max_length=16, description="the robots")]
 
     @model_validator(mode="after")

@@ -1,8 +1,8 @@
-"""The controller of one robot: five verbs, one cycle.
+"""The controller of one robot: six verbs, one cycle.
 
-``receive(datagram, source, now_ns)``, ``tick(now_ns)``, ``outgoing(now_ns)``, ``events()``, ``close(now_ns)``. Live
-process, tests, replay and benchmarks use the same five. Times are integer nanoseconds on the core's own axis, which
-starts at 0.
+``receive(datagram, source, now_ns)``, ``operate(action, now_ns)``, ``tick(now_ns)``, ``outgoing(now_ns)``,
+``events()``, ``close(now_ns)``. Live process, tests, replay and benchmarks use the same six. Times are integer
+nanoseconds on the core's own axis, which starts at 0.
 """
 
 from collections import deque
@@ -13,24 +13,25 @@ from hil.core.fri.link import FriLink
 from hil.core.fri.messages import MessageBuilder
 from hil.core.model import ArmModel
 from hil.core.motion.application_motion import MotionBasis
-from hil.core.motion.executive import MotionExecutive
+from hil.core.motion.executive import MotionExecutive, Phase
 from hil.core.motion.set_point import SetPoint
-from hil.core.safety.monitors import Monitors
+from hil.core.safety.supervisor import Supervisor, operator_report
 from hil.core.servo.link import SERVO_LINK, ServoLink
 from hil.core.settings import ControllerSettings
 from hil.values.arm import Backend, JointCommand
 from hil.values.errors import ConfigurationError, IllegalTransition
-from hil.values.fri import SafetyState
 from hil.values.fri_messages import ControllerCodec
 from hil.values.link import Outgoing, Source
 from hil.values.motion import Fault
+from hil.values.operator import OperatorAction, OperatorView, StopCategory
 from hil.values.robot import RobotDescription
 from hil.values.servo import ServoControllerCodec
+
+__all__ = ["FRI_LINK", "Controller", "operator_report"]
 
 FRI_LINK = "fri"
 _SHUTS_DOWN = Fault("the controller shuts down")
 MAX_EVENTS = 10_000
-MAX_STOPS = 1000
 
 
 class Controller:
@@ -56,9 +57,17 @@ class Controller:
         self._motion = MotionExecutive(
             self._arm.position_rad, limits=description.limits, cycle_s=settings.cycle_ns * 1e-9
         )
-        self._monitors = Monitors(limits=description.limits, model=model, operation_mode=settings.operation_mode)
+        self._safety = Supervisor(
+            settings=settings,
+            limits=description.limits,
+            model=model,
+            backend=backend,
+            motion=self._motion,
+            emit=self._events.append,
+        )
         self._fri = self._make_fri(codec, description, model)
         self._servo = self._make_servo(servo_codec, description)
+        self._safety.end_overlay = self._end_overlay
         self._before: SetPoint = self._motion.set_point
         self._closing = False
         self._proposed = self._motion.set_point
@@ -73,7 +82,6 @@ class Controller:
         )
         self.initial_position_rad = self._arm.position_rad
         self.ticks = 0
-        self.stops: deque[ArmStopped] = deque(maxlen=MAX_STOPS)
         self.closed = False
 
     def receive(self, datagram: bytes, source: Source, *, now_ns: int) -> None:
@@ -82,6 +90,12 @@ class Controller:
             self._fri.receive(datagram, source.address, now_ns=now_ns)
         elif source.link == SERVO_LINK and self._servo is not None:
             self._servo.receive(datagram, source.address, now_ns=now_ns)
+
+    def operate(self, action: OperatorAction, *, now_ns: int) -> str:
+        """Do what the operator did with the pad; return why that changes nothing, or an empty text."""
+        if self.closed or self._closing:
+            return _SHUTS_DOWN.reason
+        return self._safety.operate(action, commanding=self._fri_commands, now_ns=now_ns)
 
     def tick(self, *, now_ns: int, lateness_ns: int = 0) -> None:
         """Run one control cycle. ``now_ns`` is its nominal time, ``lateness_ns`` how late it really began.
@@ -123,7 +137,7 @@ class Controller:
         self._closing = True
         if self._servo is not None:
             self._servo.close_door(_SHUTS_DOWN.reason)
-        self._stop(_SHUTS_DOWN, now_ns)
+        self._safety.stop(_SHUTS_DOWN, now_ns)
         if self._motion.at_rest:
             self._finish(now_ns)
 
@@ -131,7 +145,7 @@ class Controller:
         """The robot side failed: end every session at once, with what is known of the arm. Nothing moves any more."""
         if not self.closed:
             failed = Fault("the robot side failed")
-            self._stop(failed, now_ns)
+            self._safety.stop(failed, now_ns, StopCategory.DROP)
             if self._servo is not None:
                 self._servo.close_door(failed.reason)
             self._finish(now_ns)
@@ -145,14 +159,10 @@ class Controller:
             "session": fri.log.report(fri.quality) if fri is not None else None,
             "packets": fri.counters.report() if fri is not None else None,
             "servo": self._servo.report() if self._servo is not None else None,
-            "stops": [
-                {"at_s": round(stop.at_ns / 1e9, 6), "category": stop.category.name, "reason": stop.reason}
-                for stop in self.stops
-            ],
+            **self._safety.report(),
             "initial_position": list(self.initial_position_rad),
             "measured_position": list(self._arm.position_rad),
             "commanded_position": list(self._motion.set_point.position_rad),
-            "max_flange_speed_mm_s": self._monitors.max_flange_speed_mm_s,
         }
 
     @property
@@ -164,6 +174,21 @@ class Controller:
     def servo(self) -> ServoLink | None:
         """The servo link, to be looked at."""
         return self._servo
+
+    @property
+    def operator(self) -> OperatorView:
+        """What the pad shows."""
+        return self._safety.view
+
+    @property
+    def closest(self) -> str:
+        """Smallest margin of the run so far, in words."""
+        return self._safety.closest
+
+    @property
+    def stops(self) -> deque[ArmStopped]:
+        """The last stops, and ends of motions for an error."""
+        return self._safety.stops
 
     @property
     def motion(self) -> MotionExecutive:
@@ -186,7 +211,7 @@ class Controller:
             motion=self._motion,
             limits=description.limits,
             emit=self._events.append,
-            stop=self._stop,
+            stop=self._safety.stop,
         )
 
     def _make_servo(self, codec: ServoControllerCodec | None, description: RobotDescription) -> ServoLink | None:
@@ -201,6 +226,7 @@ class Controller:
             cycle_ns=settings.cycle_ns,
             smart_servo_dead_time_ns=settings.reaction.smart_servo_dead_time_ns,
             direct_servo_dead_time_ns=settings.reaction.direct_servo_dead_time_ns,
+            flange=self._safety.flange,
         )
         return ServoLink(
             settings=settings,
@@ -209,30 +235,41 @@ class Controller:
             executive=self._motion,
             basis=basis,
             emit=self._events.append,
-            failed=self._note_stop,
+            failed=self._safety.note_stop,
         )
 
-    def _read(self, _now_ns: int, _started_ns: int) -> None:
+    @property
+    def _fri_commands(self) -> bool:
+        return self._fri is not None and self._fri.commanding
+
+    def _end_overlay(self, fault: Fault, now_ns: int) -> None:
+        if self._fri is not None:
+            self._fri.end_motion(str(fault), now_ns=now_ns)
+
+    def _read(self, now_ns: int, _started_ns: int) -> None:
         self._before = self._motion.set_point
         self._arm = self._backend.read()
+        self._safety.read(self._arm, now_ns=now_ns)
 
     def _progress(self, now_ns: int, started_ns: int) -> None:
-        fri, servo = self._fri, self._servo
+        fri, servo, safety = self._fri, self._servo, self._safety
+        waits = safety.follow_operator(self._arm, commanding=self._fri_commands, closing=self._closing, now_ns=now_ns)
         if fri is not None:
-            barred = _SHUTS_DOWN.reason if self._closing else ""
+            barred = _SHUTS_DOWN.reason if self._closing else waits
             if not barred and servo is not None and (commander := servo.commander):
                 barred = f"the application {commander} commands the arm over the servo link"
             fri.progress(now_ns=now_ns, started_ns=started_ns, closing=self._closing, barred=barred)
         if servo is not None:
-            barred = ""
-            if fri is not None and fri.commanding:
+            # A paused program lets motions wait; a stop lets none in.
+            barred = safety.bars_motions
+            if self._fri_commands:
                 barred = "the FRI client commands the arm: end its overlay first, or run the controller without one"
             servo.progress(measured_rad=self._arm.position_rad, now_ns=now_ns, started_ns=started_ns, barred=barred)
 
     def _interpolate(self, now_ns: int, started_ns: int) -> None:
         proposed = self._propose(now_ns, started_ns)
         if isinstance(proposed, Fault):
-            self._stop(proposed, now_ns)
+            self._safety.stop(proposed, now_ns)
             proposed = self._propose(now_ns, started_ns)
             if isinstance(proposed, Fault):
                 raise IllegalTransition(self._motion.phase.value, f"a second fault ({proposed})", ["a set point"])
@@ -242,14 +279,18 @@ class Controller:
         return self._motion.propose(measured_rad=self._arm.position_rad, now_ns=now_ns, started_ns=started_ns)
 
     def _check_set_point(self, now_ns: int, started_ns: int) -> None:
-        fault = self._monitors.set_point(self._proposed)
-        if fault is None:
+        safety, motion = self._safety, self._motion
+        trip = safety.check_set_point(self._proposed, now_ns=now_ns)
+        if trip is None:
             return
-        if self._stop(fault, now_ns):
+        if safety.stop(trip.fault, now_ns, trip.category):
             self._interpolate(now_ns, started_ns)
         # A brake may fail a monitor too: the flange can still get faster while the axes get slower.
-        while not self._motion.at_rest and self._monitors.set_point(self._proposed) is not None:
-            self._motion.brake_harder()
+        while (
+            motion.phase is Phase.BRAKING
+            and safety.check_set_point(self._proposed, now_ns=now_ns) is not None
+            and motion.brake_harder()
+        ):
             self._interpolate(now_ns, started_ns)
 
     def _move(self, now_ns: int, _started_ns: int) -> None:
@@ -260,38 +301,26 @@ class Controller:
             self._events.append(ArmResting(now_ns))
 
     def _check_measured(self, now_ns: int, _started_ns: int) -> None:
-        fault = self._monitors.measured(self._arm) or self._monitors.tracking(self._arm, self._before)
-        if fault is not None:
-            self._stop(fault, now_ns)
+        self._safety.check_measured(self._arm, self._before, now_ns=now_ns)
 
     def _send(self, now_ns: int, started_ns: int) -> None:
         if self._closing and self._motion.at_rest:
             self._finish(now_ns)
             return
         if self._fri is not None:
-            message = self._fri.message(self._arm, now_ns=now_ns, started_ns=started_ns)
+            message = self._fri.message(self._arm, operator=self._safety.view, now_ns=now_ns, started_ns=started_ns)
             if message is not None:
                 self._outgoing.append(Outgoing(FRI_LINK, message))
         if self._servo is not None:
-            self._outgoing += self._servo.outgoing(self._arm, cycle=self.ticks, now_ns=now_ns)
-
-    def _stop(self, fault: Fault, now_ns: int) -> bool:
-        """End the motion for ``fault``; return whether the arm began to brake with it."""
-        braking = self._motion.brake(fault, now_ns=now_ns)
-        if braking:
-            self._note_stop(fault, now_ns)
-        if self._fri is not None:
-            self._fri.end_motion(str(fault), now_ns=now_ns)
-        return braking
-
-    def _note_stop(self, fault: Fault, now_ns: int) -> None:
-        stop = ArmStopped(now_ns, SafetyState.NORMAL_OPERATION, str(fault))
-        self.stops.append(stop)
-        self._events.append(stop)
+            self._outgoing += self._servo.outgoing(
+                self._arm, operator=self._safety.view, cycle=self.ticks, now_ns=now_ns
+            )
 
     def _finish(self, now_ns: int) -> None:
-        if self._fri is not None and (last := self._fri.close(self._arm, now_ns=now_ns)) is not None:
-            self._outgoing.append(Outgoing(FRI_LINK, last))
+        if self._fri is not None:
+            last = self._fri.close(self._arm, operator=self._safety.view, now_ns=now_ns)
+            if last is not None:
+                self._outgoing.append(Outgoing(FRI_LINK, last))
         if self._servo is not None:
             self._outgoing += self._servo.close(now_ns=now_ns)
         self.closed = True

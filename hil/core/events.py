@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass
 
-from hil.values.fri import Quality, Release, SafetyState, SessionState
+from hil.values.fri import DriveState, Quality, Release, SessionState
 from hil.values.motion import MotionEnd, MotionKind
+from hil.values.operator import OperatorView, StopCategory
 from hil.values.outcomes import Outcome
 from hil.values.servo import Role
 
@@ -96,13 +97,15 @@ class ReleaseDoubted(Event):
 
 @dataclass(frozen=True, slots=True)
 class ArmStopped(Event):
-    """The arm brakes on its own; ``category`` as FRI reports safety stops, NORMAL_OPERATION for a motion's end."""
+    """The arm brakes on its own, or is dropped; ``category`` is None for the end of a motion that is no safety stop."""
 
-    category: SafetyState
+    category: StopCategory | None
     reason: str
 
     def __str__(self) -> str:
-        return f"arm brakes: {self.reason}"
+        if self.category is None:
+            return f"arm brakes: {self.reason}"
+        return f"stop of category {self.category.value}: {self.reason}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,3 +161,39 @@ class MotionOver(Event):
 
     def __str__(self) -> str:
         return f"motion {self.number} ({self.kind.name}) {self.end.name.lower()}: {self.reason}"
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorActed(Event):
+    """The operator did something with the pad; ``refusal`` says why it changed nothing, empty when it did."""
+
+    action: str
+    view: OperatorView
+    refusal: str
+
+    def __str__(self) -> str:
+        if self.refusal:
+            return f"{self.action} refused: {self.refusal}"
+        return f"{self.action}: {self.view.reason or 'motions may run'}"
+
+
+@dataclass(frozen=True, slots=True)
+class DrivesChanged(Event):
+    """The drives were dropped, are being switched on, or hold the arm again."""
+
+    state: DriveState
+
+    def __str__(self) -> str:
+        return f"drives {self.state.name}"
+
+
+@dataclass(frozen=True, slots=True)
+class WouldHaveStopped(Event):
+    """A monitor tripped that only reports (``--permissive``); told at most once a second for each monitor."""
+
+    monitor: str
+    category: StopCategory
+    reason: str
+
+    def __str__(self) -> str:
+        return f"PERMISSIVE: would have been a stop of category {self.category.value}: {self.reason}"

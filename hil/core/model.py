@@ -2,11 +2,18 @@
 
 import math
 from operator import mul
+from struct import Struct
+from typing import Final
 
 import numpy as np
 import pinocchio
 
-from hil.values.robot import Seven
+from hil.core.motion.set_point import STILL
+from hil.values.arm import seven
+from hil.values.robot import JOINT_COUNT, Seven
+
+_STATE: Final = Struct(f"{2 * JOINT_COUNT}d")
+"""Positions and velocities, in the machine's own order of bytes."""
 
 
 class ArmModel:
@@ -17,17 +24,31 @@ class ArmModel:
         self._data = model.createData()
         self._frame = model.getFrameId(flange_frame)
         self._at: Seven | None = None
+        # Packing numbers into memory that is there costs a fifth of making an array of them.
+        self._state = np.zeros((2, JOINT_COUNT))
+        self._position, self._velocity = self._state
+        self._memory = self._state.data.cast("B")
         self._reach_mm = _reach_mm(model, model.frames[self._frame])
 
     def flange_speed_bound_mm_s(self, velocity_rad_s: Seven) -> float:
         """Return a speed in mm/s that the flange's origin exceeds in no pose, at a fraction of the exact one's cost."""
-        return math.fsum(map(mul, map(abs, velocity_rad_s), self._reach_mm))
+        return sum(map(mul, map(abs, velocity_rad_s), self._reach_mm), 0.0)
+
+    def main_axis(self, position_rad: Seven, velocity_rad_s: Seven) -> int:
+        """Return the axis (0 for A1) that moves the flange's origin most at these velocities."""
+        alone: list[float] = []
+        for axis, velocity in enumerate(velocity_rad_s):
+            only: list[float] = [0.0] * len(velocity_rad_s)
+            only[axis] = velocity
+            alone.append(self.flange_speed_mm_s(position_rad, seven(only)))
+        return max(range(len(alone)), key=alone.__getitem__)
 
     def flange_in_base_mm(self, position_rad: Seven) -> tuple[float, ...]:
         """Return translation in mm and unit quaternion w x y z, seven numbers, as FRI 2.x sends poses."""
         # Immutable tuples: the same object is the same position, so the speed of this cycle already placed the links.
         if position_rad is not self._at:
-            pinocchio.forwardKinematics(self._model, self._data, np.array(position_rad))
+            _STATE.pack_into(self._memory, 0, *position_rad, *STILL)
+            pinocchio.forwardKinematics(self._model, self._data, self._position)
             self._at = position_rad
         placement = pinocchio.updateFramePlacement(self._model, self._data, self._frame)
         x, y, z, qx, qy, qz, qw = pinocchio.SE3ToXYZQUATtuple(placement)
@@ -35,12 +56,12 @@ class ArmModel:
 
     def flange_speed_mm_s(self, position_rad: Seven, velocity_rad_s: Seven) -> float:
         """Return the speed of the flange's origin in mm/s."""
-        state = np.array((position_rad, velocity_rad_s))
-        pinocchio.forwardKinematics(self._model, self._data, state[0], state[1])
+        _STATE.pack_into(self._memory, 0, *position_rad, *velocity_rad_s)
+        pinocchio.forwardKinematics(self._model, self._data, self._position, self._velocity)
         self._at = position_rad
         velocity = pinocchio.getFrameVelocity(self._model, self._data, self._frame, pinocchio.LOCAL)
         x, y, z = velocity.linear.tolist()
-        return 1e3 * math.sqrt(x * x + y * y + z * z)
+        return 1e3 * math.hypot(x, y, z)
 
 
 def _reach_mm(model: "pinocchio.Model", flange: "pinocchio.Frame") -> list[float]:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from hil.values.errors import ConfigurationError
+from hil.values.errors import ConfigurationError, OutOfRange
 from hil.values.fri import MAX_PERIOD_MS, MIN_PERIOD_MS, OperationMode
 from hil.values.link import Address
 
@@ -110,13 +110,39 @@ class ReactionSettings:
         return round(self.direct_servo_ms * NS_PER_MS)
 
 
+T1_SPEED_LIMIT_MM_S = 250.0
+"""Of the flange in T1. Source: manual chapter 4."""
+TRACKING_LIMIT_RAD = 0.1
+"""Ours, no public figure: a little more than the 5 degrees that a DirectServo destination may be away."""
+
+
+@dataclass(frozen=True, slots=True)
+class SafetySettings:
+    """What the monitors hold the arm to beside its axis limits; ``permissive``: they only report."""
+
+    t1_flange_speed_mm_s: float = T1_SPEED_LIMIT_MM_S
+    tracking_rad: float = TRACKING_LIMIT_RAD
+    permissive: bool = False
+
+    def __post_init__(self) -> None:
+        for name, value, most in (
+            ("flange speed in T1, mm/s", self.t1_flange_speed_mm_s, T1_SPEED_LIMIT_MM_S),
+            ("tracking limit, rad", self.tracking_rad, TRACKING_LIMIT_RAD),
+        ):
+            if not 0.0 < value <= most:
+                raise OutOfRange(name, value, f"> 0 and <= {most:g}")
+
+
 IDEAL_REACTION = ReactionSettings(0.0, 0.0)
 """No dead time: a destination reaches the interpolator in the next cycle."""
 
 
 @dataclass(frozen=True, slots=True)
 class ControllerSettings:
-    """One robot's controller; ``unix_epoch_ns`` is the Unix time of core time zero."""
+    """One robot's controller; ``unix_epoch_ns`` is the Unix time of core time zero.
+
+    ``enabled`` begins T1 and T2 with the enabling switch held and the start key pressed; in AUT nothing needs it.
+    """
 
     operation_mode: OperationMode
     cycle_ms: int
@@ -124,6 +150,8 @@ class ControllerSettings:
     fri: FriSettings | None
     servo: ServoSettings | None = None
     reaction: ReactionSettings = ReactionSettings()
+    safety: SafetySettings = SafetySettings()
+    enabled: bool = False
 
     def __post_init__(self) -> None:
         if self.cycle_ms not in CYCLE_CHOICES_MS:

@@ -10,7 +10,7 @@ from hil.core.controller import Controller
 from hil.core.model import ArmModel
 from hil.core.settings import NS_PER_MS, ServoSettings
 from hil.values.arm import Backend
-from hil.values.errors import UnknownName
+from hil.values.errors import ConfigurationError, UnknownName
 from hil.values.fri import CLIENT_PORT
 from hil.values.fri_messages import ControllerCodec
 from hil.values.link import Address
@@ -55,6 +55,11 @@ def _fri_addresses(config: RobotConfig) -> FriAddresses | None:
     return FriAddresses(peer, bind)
 
 
+def robot_description(config: RobotConfig) -> RobotDescription:
+    """Return the description of a robot with the limits of its station; raise :class:`ConfigurationError`."""
+    return config.limits.tighten(load_description(config.model))
+
+
 def check_backend(name: str) -> None:
     """Raise :class:`UnknownName` if there is no backend of that name."""
     if name not in BACKENDS:
@@ -93,9 +98,12 @@ def open_parts(config: RobotConfig) -> RobotParts:
 
     Raises :class:`ConfigurationError`, :class:`UnknownName` or :class:`BackendError`.
     """
-    description = load_description(config.model)
+    description = robot_description(config)
     servo_codec = None if config.servo is None else make_servo_codec(config.servo)
     backend = make_backend(config, description)
+    if backend.capabilities.moves_real_drives and (config.permissive or config.enabled):
+        wish = "permissive" if config.permissive else "enabled"
+        raise ConfigurationError(f"{config.name}: the backend {config.backend} moves real drives: never {wish}")
     model = ArmModel(load_pinocchio(description.name))
     backend.open(period_ns=config.cycle_ms * NS_PER_MS)
     return RobotParts(description, model, backend, servo_codec)

@@ -13,7 +13,9 @@ class ArmState(NamedTuple):
 
     ``position_rad`` and ``velocity_rad_s`` in the robot's own sense of rotation. ``torque_nm`` is what the joint torque
     sensors show, in the sign of the facts (section 4.4): minus the actuation torque. ``external_torque_nm`` is positive
-    when the environment pushes a joint towards plus. ``commanded_torque_nm`` has the sign of ``torque_nm``.
+    when the environment pushes a joint towards plus. ``commanded_torque_nm`` has the sign of ``torque_nm``; it is what
+    the drives are asked for, before their own limits cut it. ``sample`` grows with each new measurement: the same
+    number again is the same measurement again.
     """
 
     position_rad: Seven
@@ -22,6 +24,7 @@ class ArmState(NamedTuple):
     external_torque_nm: Seven
     commanded_torque_nm: Seven
     drive_states: tuple[DriveState, ...]
+    sample: int
 
 
 class JointCommand(NamedTuple):
@@ -44,6 +47,8 @@ class Capabilities:
     shortest_period_ns: int
     paces_the_cycle: bool
     moves_real_drives: bool
+    switches_drives: bool
+    """Whether the drives can be dropped from here; where they cannot, stops of category 0 and 1 brake and hold."""
 
 
 class Backend(Protocol):
@@ -64,6 +69,13 @@ class Backend(Protocol):
 
     def step(self) -> None:
         """Let one period pass on the robot side (a simulation advances, a bus exchanges)."""
+
+    def switch_drives(self, *, on: bool) -> None:
+        """Let the drives hold the arm, or drop them, so that the brakes stop and hold it; on from the start.
+
+        Idempotent, and returns at once: the drive states of :meth:`read` say when it is done. With dropped drives
+        commands mean nothing; drives that come back hold the newest one. Only where ``switches_drives`` is true.
+        """
 
     def close(self) -> None:
         """Release everything."""

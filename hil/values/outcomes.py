@@ -59,6 +59,7 @@ SERVO_DROPS: Final = (
     Outcome.UNKNOWN_SESSION,
     Outcome.DUPLICATE,
     Outcome.REORDERED,
+    Outcome.LATE,
     Outcome.CROWDED,
 )
 """What may become of a packet of the servo link, beside ``ACCEPTED``."""

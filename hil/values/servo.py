@@ -13,8 +13,9 @@ from enum import IntEnum
 from typing import Final, NamedTuple, Protocol, TypeAlias
 
 from hil.values.motion import FineInterpolatorState, MotionEnd, MotionKind, MotionParameters, MotionPhase
+from hil.values.operator import OperatorView
 
-PROTOCOL_VERSION: Final = 1
+PROTOCOL_VERSION: Final = 2
 SERVO_PORT: Final = 30300
 """Ours; beside the FRI ports 30200 to 30209."""
 MAX_SERVO_DATAGRAM_BYTES: Final = 1400
@@ -145,6 +146,8 @@ class Hello(NamedTuple):
     watchdog_ms: int
     state_period_ms: int
     name: str
+    latency_budget_ms: int = 0
+    """How old the state may be that a command reflects; an older command is dropped. 0: as long as the watchdog."""
 
 
 class Welcome(NamedTuple):
@@ -225,7 +228,7 @@ class Snapshot(NamedTuple):
 
     now_ns: int
     cycle: int
-    operation_mode: int
+    operator: OperatorView
     measured_position: Vector
     commanded_position: Vector
     """Set point of the interpolator."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from backends.robots import load_description
 from hil.core.motion.application_motion import ApplicationMotion, MotionBasis
 from hil.core.motion.direct_servo import DirectServo
+from hil.core.motion.flange_limit import FlangeLimit
 from hil.core.motion.point_to_point import PointToPoint
 from hil.core.motion.set_point import STILL, SetPoint
 from hil.core.motion.smart_servo import SmartServo
@@ -42,7 +43,8 @@ def basis_of(robot: str = "lbr-iiwa-7-r800", *, cycle_ms: int = 1, dead_time_ms:
     """Return the basis of a robot's motions."""
     description = load_description(robot)
     dead_time_ns = round(dead_time_ms * 1e6)
-    return MotionBasis(description.limits, description.servo, cycle_ms * 1_000_000, dead_time_ns, dead_time_ns)
+    flange = FlangeLimit(lambda _position, _velocity: 0.0)
+    return MotionBasis(description.limits, description.servo, cycle_ms * 1_000_000, dead_time_ns, dead_time_ns, flange)
 
 
 def at(position: Seven = START) -> SetPoint:

@@ -1,7 +1,8 @@
 """A stand-in for the controller's end of the servo link: sans-I/O, a few rules, driven tick by tick by tests.
 
 It keeps the protocol of :mod:`hil.values.servo` to the letter and knows nothing of motion: a destination is reached a
-few ticks after it came, a PTP ends there, a servo motion rests for its timeout.
+few ticks after it came, a PTP ends there, a servo motion rests for its timeout. While it is paused nothing moves, and
+destinations of motions that wait for pause are not done yet, nor is what was asked after them.
 """
 
 from collections import deque
@@ -10,7 +11,9 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from hil.values.errors import MalformedDatagram
+from hil.values.fri import OperationMode, SafetyState
 from hil.values.motion import ErrorReason, FineInterpolatorState, MotionEnd, MotionKind, MotionPhase
+from hil.values.operator import OperatorView, ProgramState
 from hil.values.servo import (
     MAX_REPORTS_IN_PACKET,
     PROTOCOL_VERSION,
@@ -44,6 +47,12 @@ UNIX_EPOCH_NS = 1_795_322_390 * 10**9
 TICKS_TO_GOAL = 3
 SOFTWARE, ROBOT = "stand-in 1.0", "lbr-iiwa-14-r820"
 START: Vector = (0.0, 0.5, 0.0, 0.7, 0.0, 1.5, 0.0)
+PRESS_START = "the program is paused: press start (hil pad start)"
+RUNNING = OperatorView(
+    OperationMode.AUT, ProgramState.RUNNING, False, 100.0, SafetyState.NORMAL_OPERATION, reason="", permissive=False
+)
+PAUSED = RUNNING._replace(program=ProgramState.PAUSED, reason=PRESS_START)
+STOPPED_BY_APPLICATION = "stopped by the application"
 NOT_ACTIVE = "waitForTransferred called prematurely - RealtimeMotion is not active"
 
 
@@ -63,6 +72,9 @@ class Moving:
     rested_ns: int = 0
     goals_reached: int = 0
     received: int = 0
+    waits: bool = True
+    """Whether its destinations wait while the program is paused."""
+    began: bool = False
 
 
 @dataclass
@@ -72,6 +84,8 @@ class StandIn:
     codec: ServoCodecs
     state_period: int = 5
     """In ticks of 1 ms."""
+    operator: OperatorView = RUNNING
+    """What the pad shows; :meth:`pause` and :meth:`resume` change it."""
     refusal: Refused | None = None
     """What it answers hellos with, if not with a welcome."""
     answers_commands: bool = True
@@ -96,6 +110,8 @@ class StandIn:
     _sequence: int = 0
     _state_sequence: int = 0
     _requests_done: int = 0
+    _requests_received: int = 0
+    _inbox: deque[Request] = field(default_factory=deque)
     _wants_state: bool = False
     _ticks: int = 0
     _tokens: dict[int, int] = field(default_factory=dict)
@@ -127,7 +143,9 @@ class StandIn:
         """Let a millisecond pass."""
         self.now_ns += MS
         self._ticks += 1
-        self._move()
+        self._work()
+        if self.operator.program is ProgramState.RUNNING:
+            self._move()
         if self._sequence and self.token and (self._wants_state or self._ticks % self.state_period == 0):
             self.send(self.state())
 
@@ -153,7 +171,27 @@ class StandIn:
         """Return what a state packet shows now."""
         shown = tuple(self._shown(place, motion) for place, motion in enumerate(self.motions))
         still = (0.0,) * 7
-        return Snapshot(self.now_ns, self._ticks, 2, self.position, self.position, still, still, "test", shown)
+        return Snapshot(
+            self.now_ns, self._ticks, self.operator, self.position, self.position, still, still, "test", shown
+        )
+
+    def pause(self) -> None:
+        """Let go of the start key."""
+        self.operator = PAUSED
+
+    def resume(self) -> None:
+        """Press the start key."""
+        self.operator = RUNNING
+
+    @property
+    def states_sent(self) -> int:
+        """Number of the last state."""
+        return self._state_sequence
+
+    @property
+    def waiting(self) -> list[Request]:
+        """What was asked and is not done, because the program is paused."""
+        return list(self._inbox)
 
     def end(self, reason: str) -> None:
         """End the session."""
@@ -187,7 +225,8 @@ class StandIn:
     def _begin(self, token: int) -> None:
         self._offered.discard(token)
         self.token = token
-        self._sequence = self._state_sequence = self._requests_done = self.told = 0
+        self._sequence = self._state_sequence = self._requests_done = self._requests_received = self.told = 0
+        self._inbox.clear()
         self.reports.clear()
         self.motions.clear()
 
@@ -198,27 +237,63 @@ class StandIn:
         while self.reports and self.reports[0].number <= command.reports_seen:
             self.reports.popleft()
         for request in command.requests:
-            if request.number > self._requests_done:
-                self._requests_done = request.number
-                self.taken.append(request)
-                self._do(request)
+            if request.number > self._requests_received:
+                self._requests_received = request.number
+                self._inbox.append(request)
+        self._work()
 
-    def _do(self, request: Request) -> None:
-        error, reason, detail = self._outcome(request)
+    def _work(self) -> None:
+        """Do what was asked, in its order, up to a destination that waits for the program to run."""
+        while self._inbox:
+            request = self._inbox[0]
+            moving = self._moving(request.motion) if isinstance(request, SetDestination) else None
+            held = moving is not None and moving.waits and self.operator.program is ProgramState.PAUSED
+            if moving is not None and held and not self._released(moving):
+                return
+            self._inbox.popleft()
+            if held and self._is_superseded(request):
+                continue
+            self._requests_done = request.number
+            self.taken.append(request)
+            self._do(request, stopped=held and moving is not None and moving.waits)
+
+    def _released(self, moving: Moving) -> bool:
+        """Whether something that was asked later lets the destination that waits for ``moving`` go."""
+        number = moving.start.number
+        for later in list(self._inbox)[1:]:
+            if isinstance(later, SetRuntimeParameters) and later.motion == number and later.wait_for_pause is False:
+                moving.waits = False
+                return True
+            if isinstance(later, StopMotion | SetDestination) and later.motion == number:
+                return True
+        return False
+
+    def _is_superseded(self, request: Request) -> bool:
+        return isinstance(request, SetDestination) and any(
+            isinstance(later, SetDestination) and later.motion == request.motion for later in self._inbox
+        )
+
+    def _moving(self, number: int) -> Moving | None:
+        return next((moving for moving in self.motions if moving.start.number == number), None)
+
+    def _do(self, request: Request, *, stopped: bool) -> None:
+        refused = RequestError.COMMAND_INVALID, STOPPED_BY_APPLICATION, ""
+        error, reason, detail = refused if stopped else self._outcome(request)
         at_ns = self.now_ns
         self.report(lambda number: RequestDone(number, request.number, at_ns, error, reason, detail))
 
     def _outcome(self, request: Request) -> tuple[RequestError, str, str]:
         if isinstance(request, StartMotion):
-            self.motions.append(Moving(request, request.destination or self.position, self.now_ns))
+            waits = request.parameters.wait_for_pause
+            self.motions.append(Moving(request, request.destination or self.position, self.now_ns, waits=waits))
             return RequestError.NONE, "", ""
-        moving = next((moving for moving in self.motions if moving.start.number == request.motion), None)
+        moving = self._moving(request.motion)
         if moving is None:
             return RequestError.COMMAND_INVALID, "it has ended", f"motion {request.motion}"
         if isinstance(request, StopMotion):
             if moving is not self.motions[0]:
                 return RequestError.ILLEGAL_STATE, NOT_ACTIVE, ""
-            self._end(moving, MotionEnd.STOPPED, "stopped by the application", "")
+            self._end(moving, MotionEnd.STOPPED, STOPPED_BY_APPLICATION, "")
         elif isinstance(request, SetDestination):
             if request.position is None or len(request.position) != 7:
                 detail = f"{len(request.position or ())} axes"
@@ -226,14 +301,17 @@ class StandIn:
                 return RequestError.COMMAND_INVALID, ErrorReason.NUMBER_OF_DOFS, detail
             moving.destination, moving.destination_at_ns = request.position, self.now_ns
             moving.ticks_to_goal, moving.received, moving.arrives = TICKS_TO_GOAL, moving.received + 1, False
-        elif isinstance(request, SetRuntimeParameters) and request.minimum_execution_time_s == 1e9:
+        elif request.minimum_execution_time_s == 1e9:
             return RequestError.ILLEGAL_ARGUMENT, "too long for a test", "1e9 s"
+        elif request.wait_for_pause is not None:
+            moving.waits = request.wait_for_pause
         return RequestError.NONE, "", ""
 
     def _move(self) -> None:
         if not self.motions:
             return
         moving = self.motions[0]
+        moving.began = True
         if moving.ticks_to_goal and self.holds and not moving.arrives:
             return
         if moving.ticks_to_goal:
@@ -258,7 +336,8 @@ class StandIn:
         self.report(lambda number: MotionEnded(number, own, at_ns, end, reason, detail))
 
     def _shown(self, place: int, moving: Moving) -> MotionState:
-        phase = (MotionPhase.ACTIVE, MotionPhase.TRANSFERRED)[place] if place < 2 else MotionPhase.QUEUED
+        waits = place > 1 or (self.operator.program is ProgramState.PAUSED and not moving.began)
+        phase = MotionPhase.QUEUED if waits else (MotionPhase.ACTIVE, MotionPhase.TRANSFERRED)[place]
         return MotionState(
             moving.start.number,
             moving.start.kind,

@@ -13,10 +13,18 @@ from hil.core.controller import Controller
 from hil.core.events import Event
 from hil.core.model import ArmModel
 from hil.core.servo.link import SERVO_LINK, ServoLink
-from hil.core.settings import IDEAL_REACTION, ControllerSettings, FriSettings, ReactionSettings, ServoSettings
+from hil.core.settings import (
+    IDEAL_REACTION,
+    ControllerSettings,
+    FriSettings,
+    ReactionSettings,
+    SafetySettings,
+    ServoSettings,
+)
 from hil.values.fri import OperationMode, Release
 from hil.values.link import Address, Source
 from hil.values.motion import MotionKind, MotionParameters
+from hil.values.operator import PadKey, Press, SelectMode
 from hil.values.outcomes import Outcome
 from hil.values.robot import RobotDescription
 from hil.values.servo import (
@@ -61,6 +69,8 @@ class ServoBench:
         robot: str = "lbr-iiwa-14-r820",
         backend: Callable[[RobotDescription], InProcessBackend] = RecordingBackend,
         mode: OperationMode = OperationMode.AUT,
+        enabled: bool = True,
+        safety: SafetySettings | None = None,
         cycle_ms: int = 1,
         reaction: ReactionSettings = IDEAL_REACTION,
         key: bytes | None = None,
@@ -75,6 +85,8 @@ class ServoBench:
             fri=fri,
             servo=ServoSettings(software="fri-hil test", robot=robot, token_secret=SECRET),
             reaction=reaction,
+            safety=safety or SafetySettings(),
+            enabled=enabled,
         )
         self.backend.open(period_ns=self.settings.cycle_ns)
         self.codec = ServoCodec(key)
@@ -96,6 +108,15 @@ class ServoBench:
         """The servo link."""
         assert self.controller.servo is not None
         return self.controller.servo
+
+    def press(self, *keys: PadKey) -> list[str]:
+        """Use keys of the pad, and return the refusals."""
+        answers = [self.controller.operate(Press(key), now_ns=max(self.now_ns, 0)) for key in keys]
+        return [answer for answer in answers if answer]
+
+    def select(self, mode: OperationMode) -> None:
+        """Turn the mode selector."""
+        assert not self.controller.operate(SelectMode(mode), now_ns=max(self.now_ns, 0))
 
     def run(self, seconds: float) -> None:
         """Let virtual time pass."""
@@ -173,6 +194,19 @@ class Application:
         assert isinstance(answer, Welcome), answer
         self.command()
         self.bench.cycle()
+
+    def knock(self) -> None:
+        """Say hello, and wait for nothing."""
+        self.bench.deliver(self.hello_packet, self.address)
+
+    def take_up(self) -> bool:
+        """Take up the offer, if the last packet was one; return whether it was."""
+        packets = self.packets
+        if not packets or not isinstance(packets[-1], Welcome):
+            return False
+        self.token = packets[-1].token
+        self.command()
+        return True
 
     def command(self, *requests: Request, wants_state: bool = False, reports_seen: int | None = None) -> None:
         """Send a command packet with ``requests``; by default all reports that came so far are seen."""

@@ -11,11 +11,12 @@ from backends.robots import load_description, load_pinocchio
 from hil.core.controller import FRI_LINK, Controller
 from hil.core.events import Event
 from hil.core.model import ArmModel
-from hil.core.settings import ControllerSettings, FriSettings
+from hil.core.settings import ControllerSettings, FriSettings, SafetySettings
 from hil.values.arm import JointCommand
 from hil.values.fri import OperationMode, Release, SessionState
 from hil.values.fri_messages import CommandData, CommandMessage, MonitoringMessage
 from hil.values.link import Address, Source
+from hil.values.operator import PadKey, Press, SelectMode
 from hil.values.outcomes import Outcome
 from hil.values.robot import RobotDescription
 from transport.fri import FriCodec
@@ -97,6 +98,8 @@ class Bench:
         robot: str = "lbr-iiwa-14-r820",
         backend: Callable[[RobotDescription], InProcessBackend] = RecordingBackend,
         mode: OperationMode = OperationMode.AUT,
+        enabled: bool = True,
+        safety: SafetySettings | None = None,
         cycle_ms: int = 1,
         fri: FriSettings | None = None,
     ) -> None:
@@ -104,7 +107,12 @@ class Bench:
         self.description = description
         self.backend = backend(description)
         self.settings = ControllerSettings(
-            operation_mode=mode, cycle_ms=cycle_ms, unix_epoch_ns=UNIX_EPOCH_NS, fri=fri or FriSettings(peer=PEER)
+            operation_mode=mode,
+            cycle_ms=cycle_ms,
+            unix_epoch_ns=UNIX_EPOCH_NS,
+            fri=fri or FriSettings(peer=PEER),
+            safety=safety or SafetySettings(),
+            enabled=enabled,
         )
         self.backend.open(period_ns=self.settings.cycle_ns)
         self.codec = FriCodec(release)
@@ -122,6 +130,15 @@ class Bench:
         self.keep_messages = False
         self.lateness_ns = 0
         self._on_the_way: list[tuple[int, bytes]] = []
+
+    def press(self, *keys: PadKey) -> list[str]:
+        """Use keys of the pad, and return the refusals."""
+        answers = [self.controller.operate(Press(key), now_ns=max(self.now_ns, 0)) for key in keys]
+        return [answer for answer in answers if answer]
+
+    def select(self, mode: OperationMode) -> None:
+        """Turn the mode selector."""
+        assert not self.controller.operate(SelectMode(mode), now_ns=max(self.now_ns, 0))
 
     def run(self, seconds: float) -> None:
         """Let virtual time pass."""

@@ -357,14 +357,3 @@ def test_reasons_name_this_controllers_own_lateness() -> None:
     bench.run(1.2)
     refused = [str(event) for event in bench.events if isinstance(event, TransitionRefused)]
     assert any("of this controller's own cycles began more than half the budget late" in text for text in refused)
-
-
-@pytest.mark.parametrize("position", [float("nan"), float("inf")])
-def test_a_measured_position_that_is_not_finite_stops_even_at_rest(position: float) -> None:
-    bench = Bench()
-    model = ArmModel(load_pinocchio(bench.description.name))
-    monitors = Monitors(limits=bench.description.limits, model=model, operation_mode=OperationMode.AUT)
-    state = bench.backend.read()
-    assert monitors.measured(state) is None
-    broken = state._replace(position_rad=(position, *state.position_rad[1:]))
-    assert str(monitors.measured(broken)) == "the robot side reports a state that is not finite"

@@ -17,6 +17,7 @@ from hil.client.servo import (
     ControllerSilent,
     IllegalArgumentException,
     IllegalStateException,
+    ProgramState,
     Role,
     SessionEnded,
     SessionRefused,
@@ -24,7 +25,7 @@ from hil.client.servo import (
     Vector,
 )
 from hil.values.servo import PROTOCOL_VERSION, Command, Refused, SetDestination, SetRuntimeParameters
-from tests.support.servo_controller import START, UNIX_EPOCH_NS, StandIn
+from tests.support.servo_controller import PAUSED, PRESS_START, RUNNING, START, UNIX_EPOCH_NS, StandIn
 from tests.support.servo_served import PATIENCE_S, Served, served
 from transport.servo import ServoCodec
 
@@ -248,6 +249,72 @@ async def test_a_controller_that_falls_silent(controller: Served) -> None:
         controller.deaf = True
         with pytest.raises(SessionEnded, match="over: nothing was heard of the controller for 1 s"):
             await runtime.set_destination(START)
+
+
+async def paused(client: AsyncServoClient, controller: Served) -> AsyncSmartServoRuntime:
+    """Start a motion, let go of the start key, and let the client know."""
+    runtime = await smart(client)
+    controller.do(StandIn.pause)
+    while client.operator.program is not ProgramState.PAUSED:
+        await client.wait_for_state()
+    return runtime
+
+
+async def waits(client: AsyncServoClient, controller: Served) -> None:
+    """Let states come until the controller has what waits for its pause."""
+    while not controller.do(lambda stand_in: stand_in.waiting):
+        await client.wait_for_state()
+
+
+async def test_a_destination_waits_while_the_program_is_paused(client: AsyncServoClient, controller: Served) -> None:
+    assert client.operator == RUNNING
+    runtime = await paused(client, controller)
+    assert client.operator == PAUSED
+    setting = asyncio.create_task(runtime.set_destination(raised(0.1)))
+    await waits(client, controller)
+    for _ in range(5):
+        await client.wait_for_state()
+    assert not setting.done()
+    controller.do(StandIn.resume)
+    await asyncio.wait_for(setting, PATIENCE_S)
+    assert runtime.get_current_joint_destination() == raised(0.1)
+
+
+async def test_a_motion_that_does_not_wait_for_pause_is_answered_at_once(
+    client: AsyncServoClient, controller: Served
+) -> None:
+    runtime = await paused(client, controller)
+    setting = asyncio.create_task(runtime.set_destination(raised(0.1)))
+    await waits(client, controller)
+    await runtime.activate_wait_for_pause_during_set_destination(False)
+    await asyncio.wait_for(setting, PATIENCE_S)
+    await asyncio.wait_for(runtime.set_destination(raised(0.2)), PATIENCE_S)
+    assert client.operator == PAUSED
+
+
+async def test_stopping_a_motion_ends_what_waits_for_its_pause(client: AsyncServoClient, controller: Served) -> None:
+    runtime = await paused(client, controller)
+    setting = asyncio.create_task(runtime.set_destination(raised(0.1)))
+    await waits(client, controller)
+    assert await runtime.stop_motion()
+    with pytest.raises(CommandInvalidException, match="because stopped by the application"):
+        await asyncio.wait_for(setting, PATIENCE_S)
+    motion = AsyncSmartServo()
+    await client.move_async(motion)
+    with pytest.raises(IllegalStateException, match="waitForTransferred timeout") as caught:
+        await motion.get_runtime(timeout_s=0.03)
+    assert caught.value.detail == PRESS_START
+
+
+async def test_a_paused_controller_that_falls_silent(controller: Served) -> None:
+    async with AsyncServoClient(controller.address, watchdog_ms=20, latency_budget_ms=20) as client:
+        assert controller.do(lambda stand_in: stand_in.hellos[-1]).latency_budget_ms == 20
+        runtime = await paused(client, controller)
+        setting = asyncio.create_task(runtime.set_destination(raised(0.1)))
+        await waits(client, controller)
+        controller.deaf = True
+        with pytest.raises(SessionEnded, match="over: nothing was heard of the controller for 1 s"):
+            await asyncio.wait_for(setting, PATIENCE_S)
 
 
 async def test_nobody_listens() -> None:

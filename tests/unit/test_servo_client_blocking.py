@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from apps._servo_sample import Sine, run_sample
 from hil.client.servo import (
     PTP,
     CommandInvalidException,
@@ -20,7 +21,9 @@ from hil.client.servo import (
     IllegalArgumentException,
     IllegalStateException,
     MotionPhase,
+    OperatorView,
     OutOfRange,
+    ProgramState,
     Role,
     ServoClient,
     SessionEnded,
@@ -38,7 +41,18 @@ from hil.values.servo import (
     SetRuntimeParameters,
     StartMotion,
 )
-from tests.support.servo_controller import ROBOT, SOFTWARE, START, TICKS_TO_GOAL, UNIX_EPOCH_NS, StandIn
+from tests.support.servo_controller import (
+    MS,
+    PAUSED,
+    PRESS_START,
+    ROBOT,
+    RUNNING,
+    SOFTWARE,
+    START,
+    TICKS_TO_GOAL,
+    UNIX_EPOCH_NS,
+    StandIn,
+)
 from tests.support.servo_served import PATIENCE_S, Served, served
 from transport.servo import ServoCodec
 
@@ -466,6 +480,195 @@ def test_a_client_connects_again(controller: Served) -> None:
             client.move_async(motion)
             motion.get_runtime().set_destination(raised(0.1))
         controller.until(lambda stand_in, left=session: stand_in.left == left)  # type: ignore[misc]
+
+
+# The operator
+
+
+def show(controller: Served, view: OperatorView) -> None:
+    controller.do(lambda stand_in: setattr(stand_in, "operator", view))
+
+
+def wait_for_program(client: ServoClient, program: ProgramState) -> None:
+    while client.operator.program is not program:
+        assert client.wait_for_state(PATIENCE_S) is not None
+
+
+def paused(client: ServoClient, controller: Served) -> None:
+    """Let go of the start key, and let the client know."""
+    controller.do(StandIn.pause)
+    wait_for_program(client, ProgramState.PAUSED)
+
+
+def test_what_the_pad_shows_is_read(client: ServoClient, controller: Served) -> None:
+    assert client.operator == client.read_state().operator == RUNNING
+    paused(client, controller)
+    assert client.operator == PAUSED
+    controller.do(StandIn.resume)
+    wait_for_program(client, ProgramState.RUNNING)
+
+
+def test_a_destination_waits_while_the_program_is_paused(client: ServoClient, controller: Served) -> None:
+    runtime = smart(client)
+    paused(client, controller)
+    with ThreadPoolExecutor(1) as pool:
+        setting = pool.submit(runtime.set_destination, raised(0.1))
+        controller.until(lambda stand_in: bool(stand_in.waiting))
+        commands = controller.do(lambda stand_in: stand_in.commands)
+        controller.until(lambda stand_in: stand_in.commands > commands + 5)
+        assert not setting.done()
+        assert [type(request) for request in controller.do(lambda stand_in: stand_in.taken)] == [StartMotion]
+        controller.do(StandIn.resume)
+        setting.result(PATIENCE_S)
+    assert runtime.get_current_joint_destination() == raised(0.1)
+    assert runtime.motion_state.received == 1
+
+
+@pytest.mark.parametrize("while_it_waits", [False, True])
+def test_a_motion_that_does_not_wait_for_pause_is_answered_at_once(
+    client: ServoClient, controller: Served, while_it_waits: bool
+) -> None:
+    runtime = smart(client)
+    if not while_it_waits:
+        runtime.activate_wait_for_pause_during_set_destination(False)
+    paused(client, controller)
+    with ThreadPoolExecutor(1) as pool:
+        setting = pool.submit(runtime.set_destination, raised(0.1))
+        if while_it_waits:
+            controller.until(lambda stand_in: bool(stand_in.waiting))
+            runtime.activate_wait_for_pause_during_set_destination(False)
+        setting.result(PATIENCE_S)
+    assert client.operator.program is ProgramState.PAUSED
+    assert controller.do(lambda stand_in: stand_in.motions[0].destination) == raised(0.1)
+
+
+def test_stopping_a_motion_ends_what_waits_for_its_pause(client: ServoClient, controller: Served) -> None:
+    runtime = smart(client)
+    paused(client, controller)
+    with ThreadPoolExecutor(1) as pool:
+        setting = pool.submit(runtime.set_destination, raised(0.1))
+        controller.until(lambda stand_in: bool(stand_in.waiting))
+        assert runtime.stop_motion()
+        with pytest.raises(CommandInvalidException, match="because stopped by the application"):
+            setting.result(PATIENCE_S)
+    assert client.operator.program is ProgramState.PAUSED
+
+
+def test_a_newer_destination_takes_the_place_of_one_that_waits(client: ServoClient, controller: Served) -> None:
+    runtime = smart(client)
+    paused(client, controller)
+    with ThreadPoolExecutor(2) as pool:
+        first = pool.submit(runtime.set_destination, raised(0.1))
+        controller.until(lambda stand_in: bool(stand_in.waiting))
+        second = pool.submit(runtime.set_destination, raised(0.2))
+        controller.until(lambda stand_in: [request.number for request in stand_in.waiting] == [3])
+        controller.do(StandIn.resume)
+        assert first.result(PATIENCE_S) == second.result(PATIENCE_S)
+    taken = controller.do(lambda stand_in: stand_in.taken[1:])
+    assert taken == [SetDestination(3, 1, raised(0.2))]
+
+
+def test_a_paused_controller_that_falls_silent(controller: Served) -> None:
+    with ServoClient(controller.address, watchdog_ms=20) as client:
+        runtime = smart(client)
+        paused(client, controller)
+        with ThreadPoolExecutor(1) as pool:
+            setting = pool.submit(runtime.set_destination, raised(0.1))
+            controller.until(lambda stand_in: bool(stand_in.waiting))
+            controller.deaf = True
+            with pytest.raises(SessionEnded, match="over: nothing was heard of the controller for 1 s"):
+                setting.result(PATIENCE_S)
+
+
+def test_a_paused_controller_that_ends_the_session(client: ServoClient, controller: Served) -> None:
+    runtime = smart(client)
+    paused(client, controller)
+    with ThreadPoolExecutor(1) as pool:
+        setting = pool.submit(runtime.set_destination, raised(0.1))
+        controller.until(lambda stand_in: bool(stand_in.waiting))
+        controller.do(lambda stand_in: stand_in.end("the operator took over"))
+        with pytest.raises(SessionEnded, match="the operator took over"):
+            setting.result(PATIENCE_S)
+
+
+def test_a_motion_that_cannot_begin_times_out_with_the_manuals_text_and_the_operators_reason(
+    client: ServoClient, controller: Served
+) -> None:
+    paused(client, controller)
+    motion = SmartServo()
+    client.move_async(motion)
+    with pytest.raises(IllegalStateException) as caught:
+        motion.get_runtime(timeout_s=0.03)
+    assert str(caught.value) == "waitForTransferred timeout to become activated in realtime-system"
+    assert caught.value.detail == PRESS_START
+    assert caught.value.__notes__ == [PRESS_START]
+    controller.do(StandIn.resume)
+    motion.get_runtime()
+
+
+@pytest.mark.parametrize(
+    ("view", "words"),
+    [
+        (RUNNING, "mode AUT; commander"),
+        (PAUSED, f"mode AUT, program PAUSED ({PRESS_START}); commander"),
+        (PAUSED._replace(reason=""), "mode AUT, program PAUSED; commander"),
+        (RUNNING._replace(override_percent=12.5), "mode AUT, override 12.5 %; commander"),
+        (RUNNING._replace(permissive=True), "mode AUT; PERMISSIVE: monitors only report; commander"),
+    ],
+    ids=["running", "paused", "no reason", "override", "permissive"],
+)
+def test_the_text_of_a_runtime_says_what_the_pad_shows(
+    client: ServoClient, controller: Served, view: OperatorView, words: str
+) -> None:
+    runtime = smart(client)
+    show(controller, view)
+    while client.operator != view:
+        client.wait_for_state()
+    runtime.update_with_realtime_system()
+    assert str(runtime).count("PERMISSIVE: monitors only report") == view.permissive
+    runtime.set_detailed_output(3)
+    [line] = [line for line in str(runtime).splitlines() if line.startswith("controller ")]
+    assert f"cycle 1 ms; {words}" in line
+    assert ("PERMISSIVE" in str(runtime).splitlines()[0]) is view.permissive
+    runtime.stop_motion()
+    assert ("PERMISSIVE" in str(runtime).splitlines()[0]) is view.permissive
+
+
+def test_a_sample_says_what_the_operator_must_do(controller: Served) -> None:
+    said: list[str] = []
+
+    def say(words: str) -> None:
+        said.append(words)
+        if words.startswith("nothing moves yet"):
+            controller.do(StandIn.resume)
+
+    controller.do(StandIn.pause)
+    sine = Sine(axis=4, amplitude_rad=0.1, frequency_hz=1.0)
+    run_sample(SmartServo(), sine, controller=controller.address, key_file=None, seconds=0.05, period_s=0.0, say=say)
+    assert said[1] == f"nothing moves yet, the program is PAUSED: {PRESS_START}"
+
+
+def test_the_latency_budget_is_said_with_the_hello(controller: Served) -> None:
+    for latency_budget_ms, said_ms in ((None, 0), (15, 15), (300, 300)):
+        with ServoClient(controller.address, latency_budget_ms=latency_budget_ms):
+            hello = controller.do(lambda stand_in: stand_in.hellos[-1])
+        assert hello.latency_budget_ms == said_ms
+
+
+def test_a_command_reflects_what_had_come_before_the_call(controller: Served) -> None:
+    commands: list[Command] = []
+    controller.controller.on_command = commands.append
+    with ServoClient(controller.address, state_period_ms=1) as client:
+        controller.do(lambda stand_in: setattr(stand_in, "state_period", 1))
+        runtime = smart(client)
+        for place in range(20):
+            sent, ticks = controller.do(lambda stand_in: (stand_in.states_sent, stand_in.now_ns))
+            # What a tick sends has left before the next one.
+            controller.until(lambda stand_in, ticks=ticks: stand_in.now_ns >= ticks + 3 * MS)  # type: ignore[misc]
+            runtime.set_destination(raised(place * 1e-3))
+            number = controller.do(lambda stand_in: stand_in.taken[-1].number)
+            [first, *_] = [c for c in commands if any(request.number == number for request in c.requests)]
+            assert first.reflected_sequence >= sent
 
 
 # What goes wrong

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from hil.client.servo import CommandInvalidException, EndpointError, IllegalStateException, SessionEnded, SmartServo
 from hil.client.servo import _operations as operations
 from hil.client.servo._operations import Operation, Wait
-from hil.values.servo import GoalReached, MotionEnded, SetDestination
+from hil.values.servo import GoalReached, MotionEnded, RequestError, SetDestination
 from tests.support.servo_client import Channel, VirtualShell, connected, destination, tell
-from tests.support.servo_controller import START
+from tests.support.servo_controller import PAUSED, START
 
 # Operations
 
@@ -48,6 +48,54 @@ def test_a_request_that_gets_no_outcome_while_states_come_is_given_up() -> None:
     record = shell.session.motions[1]
     with pytest.raises(EndpointError, match="sent no fresh state of the motion within 10 s"):
         shell.run(operations.update(record))
+
+
+def test_patience_begins_anew_when_the_operator_starts_again() -> None:
+    shell = connected()
+    record = shell.start().record
+    assert record is not None
+    shell.controller.pause()
+    shell.until(lambda: shell.session.paused)
+    began = shell.ticks
+    shell.at[began + 25_000] = shell.controller.resume
+    shell.run(operations.change(record, destination(record.number, 0.1)))
+    assert 25_000 <= shell.ticks - began < 25_020
+    # A pause while a request is on its way, and the controller answers none: given up 10 s after the pause.
+    shell.controller.answers_commands = False
+    began = shell.ticks
+    shell.at[began + 6_000] = shell.controller.pause
+    shell.at[began + 20_000] = shell.controller.resume
+    with pytest.raises(EndpointError, match="did not answer a request within 10 s, though it sends states"):
+        shell.run(operations.change(record, destination(record.number, 0.2)))
+    assert 30_000 <= shell.ticks - began < 30_020
+
+
+@settings(max_examples=30)
+@given(seed=st.integers(0, 2**32), stops=st.booleans())
+def test_a_pause_over_a_bad_channel_costs_time_and_nothing_else(seed: int, stops: bool) -> None:
+    shell = VirtualShell(Channel(seed), Channel(seed + 1))
+    shell.connect()
+    record = shell.start().record
+    assert record is not None
+    shell.controller.pause()
+    shell.until(lambda: shell.session.paused)
+    first = shell.session.ask(destination(record.number, 0.1))
+    shell.until(lambda: bool(shell.controller.waiting))
+    second = shell.session.ask(destination(record.number, 0.2))
+    shell.wait(Wait(lambda: False, 0.2))
+    assert [pending.done for pending in (first, second)] == [None, None]
+    assert len(shell.controller.waiting) == 1
+    if stops:
+        assert shell.run(operations.stop(record))
+    else:
+        shell.controller.resume()
+    shell.until(lambda: first.done is not None and second.done is not None)
+    assert first.done is not None
+    assert second.done is not None
+    assert first.done.error == second.done.error == (RequestError.COMMAND_INVALID if stops else RequestError.NONE)
+    shell.until(lambda: not shell.session.requests)
+    assert shell.session.reports_lost == 0
+    assert (shell.controller.operator == PAUSED) is stops
 
 
 def test_a_motion_that_ended_before_its_report_came_is_told_to_be_over() -> None:

@@ -29,6 +29,7 @@ from hil.client.servo import (
     PositionControlMode,
     Role,
     ServoClient,
+    SessionEnded,
     SmartServo,
     StatisticTimer,
     UsageError,
@@ -184,6 +185,22 @@ def test_the_command_invalid_text_is_the_manuals_and_the_detail_is_a_note() -> N
     assert not hasattr(CommandInvalidException("tracking error"), "__notes__")
 
 
+@pytest.mark.parametrize(
+    ("reason", "words"),
+    [
+        ("silent for 400 ms, the watchdog allows 300 ms", "A larger watchdog_ms bears that"),
+        (
+            "silent for 400 ms, the watchdog allows 300 ms; late: 20.0 ms over its latency budget of 30 ms",
+            "A larger latency_budget_ms bears that",
+        ),
+    ],
+)
+def test_a_session_that_was_silent_or_late_says_what_bears_that(reason: str, words: str) -> None:
+    [note] = SessionEnded(reason).__notes__
+    assert note.endswith(words)
+    assert not hasattr(SessionEnded("the operator took over"), "__notes__")
+
+
 def test_the_tree_of_errors() -> None:
     assert issubclass(IllegalArgumentException, UsageError)
     assert issubclass(IllegalStateException, ValueError)
@@ -202,7 +219,12 @@ def test_the_tree_of_errors() -> None:
         ({"watchdog_ms": 20.5}, r"^watchdog 20\.5 is outside its range of whole numbers, 20 \.\.\. 10000 ms$"),
         ({"state_period_ms": 0}, r"^state period 0 is outside its range 1 \.\.\. 100 ms$"),
         ({"state_period_ms": 101}, r"^state period 101 is outside"),
-        ({"connect_timeout_s": -1}, r"^connect timeout -1 is outside its range >= 0 s$"),
+        ({"connect_timeout_s": -1}, r"^connect timeout -1 is outside its range 0 \.\.\. 86400 s$"),
+        ({"latency_budget_ms": 14}, r"^latency budget 14 is outside its range 15 \.\.\. 300 ms$"),
+        ({"latency_budget_ms": 0}, r"^latency budget 0 is outside its range 15 \.\.\. 300 ms$"),
+        ({"latency_budget_ms": 301}, r"^latency budget 301 is outside its range 15 \.\.\. 300 ms$"),
+        ({"latency_budget_ms": 20.5}, r"^latency budget 20\.5 is outside its range of whole numbers, 15 \.\.\. 300 ms"),
+        ({"latency_budget_ms": "fast"}, r"^latency budget is 'fast'; a number 15 \.\.\. 300 ms is needed$"),
         ({"name": "ä" * 32}, r"is no printable text of at most 63 bytes$"),
         ({"name": "\ud800"}, r"is no printable text"),
         ({"role": 7}, r"7 is not a valid Role"),
@@ -223,7 +245,13 @@ def test_an_address_that_is_none_leaves_no_socket_open(controller: str) -> None:
 
 def test_a_client_that_is_not_open_says_so() -> None:
     client = ServoClient()
-    for call in (client.read_state, client.wait_for_state, lambda: client.commander, lambda: client.controller):
+    for call in (
+        client.read_state,
+        client.wait_for_state,
+        lambda: client.commander,
+        lambda: client.controller,
+        lambda: client.operator,
+    ):
         with pytest.raises(UsageError, match="not open; use it inside its with block"):
             call()
     with pytest.raises(UsageError, match="not open"):

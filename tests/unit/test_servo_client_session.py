@@ -121,6 +121,27 @@ def test_a_refusal_has_the_controllers_words(try_again: bool) -> None:
     assert (shell.ticks == 1000) is try_again
 
 
+@pytest.mark.parametrize("version", [PROTOCOL_VERSION - 1, PROTOCOL_VERSION + 1])
+def test_a_controller_of_another_version_is_told_in_words(version: int) -> None:
+    session = RecordingSession()
+    session.knock()
+    tell(session, Refused(version, NONCE, "the application speaks another version", try_again=False))
+    assert session.refused_for_good
+    assert session.refusal is not None
+    assert session.refusal.reason == "the application speaks another version"
+    session = RecordingSession()
+    session.knock()
+    tell(session, Welcome(version, NONCE, 9, "fri-hil another", ROBOT, 1, UNIX_EPOCH_NS))
+    assert session.refused_for_good
+    assert session.refusal is not None
+    assert session.refusal.reason == (
+        f"the controller (fri-hil another) speaks version {version} of the servo link, this application version "
+        f"{PROTOCOL_VERSION}: install the same fri-hil on both sides"
+    )
+    tell(session, State(9, 1, 1, 0, StandIn(CODEC).snapshot()))
+    assert not session.running
+
+
 # Packets that are not taken
 
 

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.values.errors import ConfigurationError, MalformedDatagram
+from hil.values.fri import OperationMode, SafetyState
 from hil.values.motion import (
     MAX_MOTIONS,
     FineInterpolatorState,
@@ -17,6 +18,7 @@ from hil.values.motion import (
     MotionParameters,
     MotionPhase,
 )
+from hil.values.operator import OperatorView, ProgramState
 from hil.values.outcomes import Outcome
 from hil.values.servo import (
     MAX_COMMANDER_BYTES,
@@ -103,6 +105,7 @@ HELLOS = st.builds(
     SMALL,
     SMALL,
     texts(MAX_NAME_BYTES, printable=True),
+    SMALL,
 )
 COMMANDS = st.builds(
     Command,
@@ -134,11 +137,21 @@ MOTIONS = st.builds(
     *[NUMBERS] * 4,
     TIMES,
 )
+OPERATORS = st.builds(
+    OperatorView,
+    st.sampled_from(OperationMode),
+    st.sampled_from(ProgramState),
+    st.booleans(),
+    st.floats(0.0, 100.0),
+    st.sampled_from(SafetyState),
+    st.one_of(st.just(""), REASONS),
+    st.booleans(),
+)
 SNAPSHOTS = st.builds(
     Snapshot,
     TIMES,
     NUMBERS,
-    SMALL,
+    OPERATORS,
     *[vectors()] * 4,
     texts(MAX_COMMANDER_BYTES),
     st.lists(MOTIONS, max_size=MAX_MOTIONS_IN_PACKET).map(tuple),
@@ -223,7 +236,15 @@ def test_what_is_no_number_and_what_is_no_seven_is_the_controllers_to_judge() ->
 SNAPSHOT = Snapshot(
     now_ns=1_000_000,
     cycle=1,
-    operation_mode=3,
+    operator=OperatorView(
+        mode=OperationMode.AUT,
+        program=ProgramState.PAUSED,
+        enabling=True,
+        override_percent=50.0,
+        safety_state=SafetyState.SAFETY_STOP_LEVEL_1,
+        reason="start",
+        permissive=True,
+    ),
     measured_position=SEVEN,
     commanded_position=SEVEN,
     measured_torque=SEVEN,
@@ -246,7 +267,8 @@ SNAPSHOT = Snapshot(
         ),
     ),
 )
-_HEADER = "530a1d0801 110807060504030201 190200000000000000 210300000000000000"
+RUNNING = OperatorView(OperationMode.AUT, ProgramState.RUNNING, False, 100.0, SafetyState.NORMAL_OPERATION, "", False)
+_HEADER = "530a1d0802 110807060504030201 190200000000000000 210300000000000000"
 _SEVEN = (
     "0000000000000000 000000000000e03f 000000000000d0bf 000000000000f03f"
     " 000000000000f0bf 000000000000f83f 0000000000000040"
@@ -266,30 +288,30 @@ GOLDEN: list[tuple[FromClient | FromController, str]] = [
     ),
     (
         Goodbye(0x0102030405060708, 2),
-        "530a14 0801 110807060504030201 190200000000000000 3200",
+        "530a14 0802 110807060504030201 190200000000000000 3200",
     ),
     (
-        Welcome(1, 7, 0x0102030405060708, "fri-hil 1", "lbr", 1, 1),
+        Welcome(2, 7, 0x0102030405060708, "fri-hil 1", "lbr", 1, 1),
         (
-            "530a0b 0801 110807060504030201 1a24 090700000000000000"
+            "530a0b 0802 110807060504030201 1a24 090700000000000000"
             " 1209 6672692d68696c2031 1a03 6c6272 2001 290100000000000000"
         ),
     ),
     (
-        Refused(1, 7, "no", True),
-        "530a02 0801 220f 090700000000000000 1202 6e6f 1801",
+        Refused(2, 7, "no", True),
+        "530a02 0802 220f 090700000000000000 1202 6e6f 1801",
     ),
     (
         Ended(0x0102030405060708, "no"),
-        "530a0b 0801 110807060504030201 4204 0a02 6e6f",
+        "530a0b 0802 110807060504030201 4204 0a02 6e6f",
     ),
     (
         State(0x0102030405060708, 2, 3, 4, SNAPSHOT, (RequestDone(5, 6, 7),)),
         (
-            f"{_HEADER} 3ac003 090400000000000000 129303"
-            " 0940420f0000000000 110100000000000000 1d03000000"
-            f" 2238 {_SEVEN} 2a38 {_SEVEN} 3238 {_SEVEN} 3a38 {_SEVEN} 4207 6772696e646572"
-            f" 4a8801 090100000000000000 1002 1803 2003 2a38 {_SEVEN} 3120a1070000000000 39000000000000c03f"
+            f"{_HEADER} 3ad503 090400000000000000 12a803"
+            " 0940420f0000000000 110100000000000000 1802 2002 2801 310000000000004940 3802 4001"
+            f" 4a38 {_SEVEN} 5238 {_SEVEN} 5a38 {_SEVEN} 6238 {_SEVEN} 6a07 6772696e646572 7205 7374617274"
+            f" 7a8801 090100000000000000 1002 1803 2003 2a38 {_SEVEN} 3120a1070000000000 39000000000000c03f"
             " 410200000000000000 490600000000000000 510100000000000000 590500000000000000 61ffffffffffffffff"
             " 1a1f 090500000000000000 110700000000000000 1a0b 090600000000000000 1000"
         ),
@@ -311,10 +333,10 @@ def test_the_bytes_on_the_wire(packet: FromClient | FromController, expected: st
 
 
 def test_the_bytes_of_a_hello() -> None:
-    hello = Hello(PROTOCOL_VERSION, 7, Role.COMMANDER, 300, 5, "grinder")
+    hello = Hello(PROTOCOL_VERSION, 7, Role.COMMANDER, 300, 5, "grinder", 30)
     datagram = CODECS[0].encode_from_client(hello)
-    begin = bytes.fromhex("530a020801 12") + datagram[6:8]
-    fields = bytes.fromhex("090700000000000000 1002 18ac02 2005 2a07 6772696e646572 7a")
+    begin = bytes.fromhex("530a020802 12") + datagram[6:8]
+    fields = bytes.fromhex("090700000000000000 1002 18ac02 2005 2a07 6772696e646572 301e 7a")
     assert datagram[: len(begin) + len(fields)] == begin + fields
     assert not any(datagram[len(begin) + len(fields) + 2 :])
 
@@ -327,7 +349,9 @@ def test_a_hello_is_filled_up(hello: Hello, version: int) -> None:
 
 @pytest.mark.parametrize("version", [PROTOCOL_VERSION, PROTOCOL_VERSION + 1])
 def test_a_hello_that_is_not_filled_up_is_too_short(version: int) -> None:
-    wire = servo_pb2.Packet.FromString(CODECS[0].encode_from_client(Hello(1, 7, Role.OBSERVER, 300, 5, ""))[1:])
+    wire = servo_pb2.Packet.FromString(
+        CODECS[0].encode_from_client(Hello(PROTOCOL_VERSION, 7, Role.OBSERVER, 300, 5, ""))[1:]
+    )
     wire.hello.padding = wire.hello.padding[1:]
     error = refusal(CODECS[0].decode_from_client, bare(wire, version=version))
     assert error.outcome is Outcome.TOO_SHORT
@@ -385,25 +409,44 @@ def _largest_motion(number: int) -> MotionState:
 
 @pytest.mark.parametrize("codec", CODECS)
 @pytest.mark.parametrize(
-    ("report", "count"),
+    ("report", "count", "shown"),
     [
-        (RequestDone(2**64 - 1, 2**64 - 1, 2**63 - 1, RequestError.COMMAND_INVALID, LONG, LONG), 1),
-        (MotionEnded(2**64 - 1, 2**64 - 1, 2**63 - 1, MotionEnd.FAILED, LONG, LONG), 1),
-        (GoalReached(2**64 - 1, 2**64 - 1, 2**63 - 1, FineInterpolatorState.ENDED, SEVEN), 4),
-        (RequestDone(2**64 - 1, 2**64 - 1, 2**63 - 1), MAX_REPORTS_IN_PACKET),
+        (RequestDone(2**64 - 1, 2**64 - 1, 2**63 - 1, RequestError.COMMAND_INVALID, LONG, LONG), 1, 2),
+        (MotionEnded(2**64 - 1, 2**64 - 1, 2**63 - 1, MotionEnd.FAILED, LONG, LONG), 1, 2),
+        (GoalReached(2**64 - 1, 2**64 - 1, 2**63 - 1, FineInterpolatorState.ENDED, SEVEN), 2, MAX_MOTIONS_IN_PACKET),
+        (RequestDone(2**64 - 1, 2**64 - 1, 2**63 - 1), 6, MAX_MOTIONS_IN_PACKET),
     ],
     ids=["refused", "ended", "goal", "taken"],
 )
-def test_the_largest_state_fits_with_a_report_at_least(codec: ServoCodec, report: Report, count: int) -> None:
-    """Sixteen motions and six reports: the first four are shown, and as many reports as there is room for."""
+def test_the_largest_state_fits_with_a_report_at_least(
+    codec: ServoCodec, report: Report, count: int, shown: int
+) -> None:
+    """Sixteen motions and six reports: the first four are shown, and as many reports as there is room for.
+
+    Where all texts are the longest ones, the two that wait last are not shown.
+    """
     motions = tuple(_largest_motion(number) for number in range(1, MAX_MOTIONS + 1))
-    snapshot = Snapshot(2**63 - 1, 2**64 - 1, 2**32 - 1, SEVEN, SEVEN, SEVEN, SEVEN, LONG, motions)
+    operator = OperatorView(
+        OperationMode.AUT, ProgramState.STOPPED, True, 100.0, SafetyState.SAFETY_STOP_LEVEL_2, LONG, True
+    )
+    snapshot = Snapshot(2**63 - 1, 2**64 - 1, operator, SEVEN, SEVEN, SEVEN, SEVEN, LONG, motions)
     state = State(2**64 - 1, 2**64 - 1, 2**64 - 1, 2**64 - 1, snapshot, (report,) * MAX_REPORTS_IN_PACKET)
     datagram = codec.encode_from_controller(state)
     assert len(datagram) <= MAX_SERVO_DATAGRAM_BYTES
     decoded = codec.decode_from_controller(datagram)
     assert isinstance(decoded, State)
-    assert [motion.motion for motion in decoded.snapshot.motions] == list(range(1, MAX_MOTIONS_IN_PACKET + 1))
+    assert [motion.motion for motion in decoded.snapshot.motions] == list(range(1, shown + 1))
+    assert decoded.snapshot.operator == operator._replace(reason=decoded.snapshot.operator.reason)
+    for text, most_bytes in (
+        (decoded.snapshot.operator.reason, MAX_REASON_BYTES),
+        (decoded.snapshot.commander, MAX_COMMANDER_BYTES),
+    ):
+        assert text.endswith("…")
+        assert most_bytes - 1 <= len(text.encode()) <= most_bytes
+    # What one session needs cut is whole in the packets of the others.
+    whole = codec.decode_from_controller(codec.encode_from_controller(state._replace(reports=())))
+    assert isinstance(whole, State)
+    assert len(whole.snapshot.motions) == MAX_MOTIONS_IN_PACKET
     assert decoded.reports[0].number == report.number
     assert len(decoded.reports) == count
 
@@ -525,9 +568,52 @@ def test_usual_states_are_read_as_protobuf_reads_them(data: st.DataObject, state
         assert repr(read) == _read(reading.from_controller, packet)
 
 
+@pytest.mark.parametrize(
+    ("written", "instead", "short"),
+    [
+        ("1802", "1803", False),
+        ("2002", "2000", False),
+        ("2002", "2005", False),
+        ("2801", "2802", False),
+        ("2801", "2880", False),
+        ("310000000000004940", "31000000000000f87f", False),
+        ("310000000000004940", "310000000000000080", True),
+        ("310000000000004940", "310100000000005940", False),
+        ("310000000000004940", "310000000000005940", True),
+        ("3802", "3804", False),
+        ("4001", "4002", False),
+        ("7205", "72ff", False),
+        ("7203e282ac", "7203ed a080", False),
+        ("72057374617274", "7a057374617274", False),
+    ],
+)
+def test_every_part_of_the_operators_view_is_read_as_protobuf_reads_it(written: str, instead: str, short: bool) -> None:
+    """``short``: whether the short way takes it, which may decline what protobuf would read."""
+    reason = "\u20ac" if "e282ac" in written else "start"
+    snapshot = SNAPSHOT._replace(operator=SNAPSHOT.operator._replace(reason=reason))
+    packet = CODECS[0].encode_from_controller(State(1, 2, 3, 4, snapshot))[1:]
+    assert usual.read_state(packet) is not None
+    assert packet.count(bytes.fromhex(written)) == 1
+    changed = packet.replace(bytes.fromhex(written), bytes.fromhex(instead))
+    read = usual.read_state(changed)
+    assert (read is not None) is short
+    if read is not None:
+        assert repr(read) == _read(reading.from_controller, changed)
+
+
+@pytest.mark.parametrize("size", [0, 1, 127, 128, MAX_REASON_BYTES])
+def test_a_reason_of_any_size_is_read_the_short_way(size: int) -> None:
+    snapshot = SNAPSHOT._replace(operator=SNAPSHOT.operator._replace(reason="x" * size))
+    state = State(1, 2, 3, 4, snapshot)
+    datagram = CODECS[0].encode_from_controller(state)
+    assert usual.read_state(datagram[1:]) == state
+    without = CODECS[0].encode_from_controller(State(1, 2, 3, 4, SNAPSHOT._replace(operator=RUNNING)))
+    assert len(datagram) - len(without) == (size + 2 + (size > 127) if size else 0)
+
+
 def test_a_snapshot_that_says_it_is_longer_than_its_packet_is_none() -> None:
-    datagram = CODECS[0].encode_from_controller(State(1, 2, 3, 4, SNAPSHOT._replace(motions=())))
-    at = datagram.index(b"\x42\x07grinder")
+    datagram = CODECS[0].encode_from_controller(State(1, 2, 3, 4, SNAPSHOT._replace(operator=RUNNING, motions=())))
+    at = datagram.index(b"\x6a\x07grinder")
     for more in (1, 80):
         length = datagram[45] & 0x7F | datagram[46] << 7
         longer = bytes(((length + more) & 0x7F | 0x80, (length + more) >> 7))
@@ -552,6 +638,10 @@ def _showing(snapshot: servo_pb2.Snapshot, *reports: servo_pb2.Report) -> servo_
 def _hello(name: str = "", role: int = 1) -> servo_pb2.Packet:
     hello = servo_pb2.Hello(role=role, name=name, padding=bytes(MIN_HELLO_BYTES))  # type: ignore[arg-type]
     return _packet(hello=hello)
+
+
+def _shown(**fields: object) -> servo_pb2.Snapshot:
+    return servo_pb2.Snapshot(**{"program": 1, **fields})  # type: ignore[arg-type]
 
 
 _STOP = servo_pb2.Request(number=1, stop=servo_pb2.StopMotion())
@@ -605,30 +695,38 @@ NO_PACKET_FROM_CONTROLLER: list[tuple[servo_pb2.Packet, str]] = [
     (_hello(), "a packet with hello in it, which the other end never sends"),
     (_packet(command=servo_pb2.Command()), "a packet with command in it, which the other end never sends"),
     (_packet(state=servo_pb2.State()), "a state that shows nothing"),
-    (_showing(servo_pb2.Snapshot(motion=[_MOTION] * 5)), "5 motions, at most 4 are allowed"),
-    (_showing(servo_pb2.Snapshot(), *[_DONE] * 7), "7 reports, at most 6 are allowed"),
-    (_showing(servo_pb2.Snapshot(commander="x" * 97)), "a commander of 97 bytes, at most 96 are allowed"),
-    (_showing(servo_pb2.Snapshot(measured_torque=[0.0] * 33)), "33 numbers in a vector, at most 32 are allowed"),
-    (_showing(servo_pb2.Snapshot(motion=[servo_pb2.MotionState()])), "there is no motion kind 0"),
+    (_showing(servo_pb2.Snapshot()), "there is no state of the program 0"),
+    (_showing(_shown(program=5)), "there is no state of the program 5"),
+    (_showing(_shown(operation_mode=3)), "there is no operation mode 3"),
+    (_showing(_shown(safety_state=4)), "there is no safety state 4"),
+    (_showing(_shown(override_percent=NAN)), "an override of nan %, 0 ... 100 % are possible"),
+    (_showing(_shown(override_percent=-1.0)), "an override of -1 %, 0 ... 100 % are possible"),
+    (_showing(_shown(override_percent=100.5)), "an override of 100.5 %, 0 ... 100 % are possible"),
+    (_showing(_shown(operator_reason="x" * 201)), "a reason of the operator of 201 bytes, at most 200 are allowed"),
+    (_showing(_shown(motion=[_MOTION] * 5)), "5 motions, at most 4 are allowed"),
+    (_showing(_shown(), *[_DONE] * 7), "7 reports, at most 6 are allowed"),
+    (_showing(_shown(commander="x" * 97)), "a commander of 97 bytes, at most 96 are allowed"),
+    (_showing(_shown(measured_torque=[0.0] * 33)), "33 numbers in a vector, at most 32 are allowed"),
+    (_showing(_shown(motion=[servo_pb2.MotionState()])), "there is no motion kind 0"),
     (
-        _showing(servo_pb2.Snapshot(motion=[servo_pb2.MotionState(kind=servo_pb2.KIND_PTP)])),
+        _showing(_shown(motion=[servo_pb2.MotionState(kind=servo_pb2.KIND_PTP)])),
         "there is no motion phase 0",
     ),
-    (_showing(servo_pb2.Snapshot(), servo_pb2.Report(number=9)), "report 9 says nothing"),
+    (_showing(_shown(), servo_pb2.Report(number=9)), "report 9 says nothing"),
     (
-        _showing(servo_pb2.Snapshot(), servo_pb2.Report(done=servo_pb2.RequestDone(error=4))),  # type: ignore[arg-type]
+        _showing(_shown(), servo_pb2.Report(done=servo_pb2.RequestDone(error=4))),  # type: ignore[arg-type]
         "there is no request error 4",
     ),
     (
-        _showing(servo_pb2.Snapshot(), servo_pb2.Report(done=servo_pb2.RequestDone(detail="x" * 181))),
+        _showing(_shown(), servo_pb2.Report(done=servo_pb2.RequestDone(detail="x" * 181))),
         "a detail of 181 bytes, at most 180 are allowed",
     ),
     (
-        _showing(servo_pb2.Snapshot(), servo_pb2.Report(goal=servo_pb2.GoalReached())),
+        _showing(_shown(), servo_pb2.Report(goal=servo_pb2.GoalReached())),
         "there is no fine interpolator state 0",
     ),
     (
-        _showing(servo_pb2.Snapshot(), servo_pb2.Report(ended=servo_pb2.MotionEnded())),
+        _showing(_shown(), servo_pb2.Report(ended=servo_pb2.MotionEnded())),
         "there is no end of a motion 0",
     ),
     (_packet(refused=servo_pb2.Refused(reason="x" * 201)), "a reason of 201 bytes, at most 200 are allowed"),
@@ -660,8 +758,11 @@ def test_sizes_and_framing_are_named() -> None:
             assert (error.outcome, words in error.detail) == (Outcome.UNDECODABLE, True), error
 
 
+OTHER = PROTOCOL_VERSION + 1
+
+
 def test_a_hello_of_another_version_is_returned_with_what_is_frozen() -> None:
-    for version in (2, 127, 128, 2**32 - 1):
+    for version in (1, 3, 127, 128, 2**32 - 1):
         hello = Hello(version, 2**63 + 7, Role.COMMANDER, 300, 5, "grinder")
         decoded = CODECS[1].decode_from_client(CODECS[1].encode_from_client(hello))
         assert isinstance(decoded, Hello)
@@ -670,31 +771,34 @@ def test_a_hello_of_another_version_is_returned_with_what_is_frozen() -> None:
 
 def test_an_answer_of_another_version_is_returned_with_what_is_frozen() -> None:
     codec = CODECS[1]
-    refused = Refused(2, 7, "speak version 2", True)
+    refused = Refused(OTHER, 7, "speak version 3", True)
     assert codec.decode_from_controller(codec.encode_from_controller(refused)) == refused
-    welcome = codec.decode_from_controller(codec.encode_from_controller(Welcome(2, 7, 8, "fri-hil 9", "lbr", 1, 1)))
-    assert welcome == Welcome(2, 7, 8, "fri-hil 9", "", 0, 0)
+    welcome = codec.decode_from_controller(codec.encode_from_controller(Welcome(OTHER, 7, 8, "fri-hil 9", "lbr", 1, 1)))
+    assert welcome == Welcome(OTHER, 7, 8, "fri-hil 9", "", 0, 0)
 
 
 def test_a_later_version_may_change_everything_that_is_not_frozen() -> None:
     """Fields of ours with other types, texts that are no UTF-8, bodies we do not know: the version is still read."""
-    header = bytes.fromhex("0a02 0802")
+    header = bytes.fromhex("0a02 0803")
     nonce = bytes.fromhex("090700000000000000")
     strange = bytes.fromhex("1201ff 1a01ff 2a01ff 7aac02") + bytes(300)
     hello = b"\x53" + header + field(b"\x12", nonce + strange) + field(b"\x7a", bytes(90))
     decoded = CODECS[0].decode_from_client(hello)
     assert isinstance(decoded, Hello)
-    assert (decoded.version, decoded.nonce) == (2, 7)
+    assert (decoded.version, decoded.nonce) == (OTHER, 7)
     refused = b"\x53" + header + field(b"\x22", nonce + bytes.fromhex("1203fffefd 2a01ff"))
-    assert CODECS[0].decode_from_controller(refused) == Refused(2, 7, "\ufffd" * 3, False)
+    assert CODECS[0].decode_from_controller(refused) == Refused(OTHER, 7, "\ufffd" * 3, False)
     for body in (b"\x2a\x01\xff", b"\x3a\x01\xff", b"\x9a\x06\x00", b""):
         for decode in decoders(CODECS[0]):
             error = refusal(decode, b"\x53" + header + body)
             assert error.outcome is Outcome.OTHER_VERSION
-            assert "version 2 of the servo link, this side speaks 1" in error.detail
+            assert "version 3 of the servo link, this side speaks 2" in error.detail
 
 
-@given(version=st.integers(2, 2**32 - 1), packet=st.one_of(COMMANDS, STATES))
+@given(
+    version=st.integers(1, 2**32 - 1).filter(lambda version: version != PROTOCOL_VERSION),
+    packet=st.one_of(COMMANDS, STATES),
+)
 def test_commands_and_states_of_another_version_are_named(version: int, packet: Command | State) -> None:
     codec = CODECS[0]
     if isinstance(packet, Command):
@@ -713,6 +817,7 @@ def test_commands_and_states_of_another_version_are_named(version: int, packet: 
         (Command(1, 2, 3, requests=(SetDestination(4, 5, ("0",) * 3),)), "a Command cannot be sent"),  # type: ignore[arg-type]
         (Command(2**64, 2, 3), "a Command cannot be sent"),
         (Hello(1, 2, Role.OBSERVER, -1, 5, ""), "a Hello cannot be sent"),
+        (Hello(1, 2, Role.OBSERVER, 300, 5, "", -1), "a Hello cannot be sent"),
         (Goodbye(1, -1), "a Goodbye cannot be sent"),
     ],
 )

@@ -103,12 +103,14 @@ def test_state_packets_are_numbered_and_reflect_the_application() -> None:
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"version": 9}, "speaks version 9 of the servo link, this controller (fri-hil test) version 1: install the"),
+        ({"version": 9}, "speaks version 9 of the servo link, this controller (fri-hil test) version 2: install the"),
         ({"state_period_ms": 0}, "state period 0 ms is outside 1..100 ms"),
         ({"state_period_ms": 101}, "state period 101 ms is outside 1..100 ms"),
         ({"watchdog_ms": 19}, "watchdog 19 ms is outside 20..10000 ms"),
         ({"watchdog_ms": 10_001}, "watchdog 10001 ms is outside 20..10000 ms"),
         ({"state_period_ms": 50, "watchdog_ms": 149}, "watchdog 149 ms is outside 150..10000 ms"),
+        ({"latency_budget_ms": 14}, "latency budget 14 ms is outside 15..100 ms"),
+        ({"latency_budget_ms": 101}, "latency budget 101 ms is outside 15..100 ms"),
     ],
 )
 def test_a_hello_that_cannot_be_served_is_told_why(change: dict[str, int], sentence: str) -> None:
@@ -165,12 +167,14 @@ def test_a_silent_commander_loses_the_arm_within_its_watchdog() -> None:
     bench.run(1.0)
     [stop] = [event for event in bench.events if isinstance(event, ArmStopped)]
     assert 50_000_000 <= stop.at_ns - heard_ns <= 52_000_000
-    assert stop.reason == "the application left: silent for 51 ms, the watchdog allows 50 ms"
+    assert stop.reason == (
+        "the application left: silent for 51 ms, the watchdog allows 50 ms (1.0 ms too long); packet 502 was its last"
+    )
     assert bench.controller.motion.at_rest
     assert bench.commanded(0)[-1] == bench.commanded(0)[-50]
     assert bench.link.commander == ""
     [left] = [event for event in bench.events if isinstance(event, ApplicationLeft)]
-    assert left.reason == "silent for 51 ms, the watchdog allows 50 ms"
+    assert left.reason == "silent for 51 ms, the watchdog allows 50 ms (1.0 ms too long); packet 502 was its last"
 
 
 def test_a_stall_of_our_own_is_not_charged_to_the_commander() -> None:

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 from hil.values.errors import ConfigurationError, MalformedDatagram
 from hil.values.outcomes import Outcome
-from hil.values.servo import Command, Ended, FromClient, Goodbye, Hello, Refused, Role, SetDestination
+from hil.values.servo import PROTOCOL_VERSION, Command, Ended, FromClient, Goodbye, Hello, Refused, Role, SetDestination
 from transport.servo import ServoCodec, load_key, write_key
 from transport.servo.tag import TAG_BYTES, Direction, Envelope
 
 KEY = bytes(range(32))
 FROM_CLIENT: tuple[FromClient, ...] = (
-    Hello(1, 7, Role.COMMANDER, 300, 5, "grinder"),
+    Hello(PROTOCOL_VERSION, 7, Role.COMMANDER, 300, 5, "grinder"),
     Command(1, 2, 3, 4, True, (SetDestination(5, 6, (0.0,) * 7),)),
     Goodbye(1, 2),
 )
@@ -40,13 +40,13 @@ def test_the_same_key_opens_and_any_other_does_not(packet: FromClient, size: int
 
 
 def test_the_bytes_of_a_tag() -> None:
-    """Changing these changes the framing, which is frozen."""
+    """Changing how these are made changes the framing, which is frozen; they hold the version of the protocol."""
     datagram = ServoCodec(KEY).encode_from_client(Goodbye(1, 2))
     assert datagram[:1].hex() == "54"
     assert datagram[1:-TAG_BYTES] == ServoCodec().encode_from_client(Goodbye(1, 2))[1:]
-    assert datagram[-TAG_BYTES:].hex() == "3d71f469895abb3e9bb4b79ba65cbfd6"
+    assert datagram[-TAG_BYTES:].hex() == "3d75fec7f4e2091b07c0aa3906f8930a"
     back = ServoCodec(KEY).encode_from_controller(Ended(1, "no"))
-    assert back[-TAG_BYTES:].hex() == "1ae976d2f37c5dcde7cb0d3531ed7b5c"
+    assert back[-TAG_BYTES:].hex() == "25c08140047a0395cbd956de589d374d"
 
 
 def test_a_packet_cannot_be_sent_back_to_where_it_came_from() -> None:

@@ -5,7 +5,9 @@ from enum import IntEnum
 from typing import Any, Final, TypeVar
 
 from hil.values.errors import ConfigurationError, MalformedDatagram
+from hil.values.fri import OperationMode, SafetyState
 from hil.values.motion import FineInterpolatorState, MotionEnd, MotionKind, MotionPhase
+from hil.values.operator import ProgramState
 from hil.values.outcomes import Outcome
 from hil.values.servo import MAX_VECTOR_NUMBERS, RequestError, Role, Vector
 from transport.servo import servo_pb2
@@ -24,6 +26,10 @@ PHASES: Final = _numbered(MotionPhase)
 INTERPOLATORS: Final = _numbered(FineInterpolatorState)
 ENDS: Final = _numbered(MotionEnd)
 ERRORS: Final = _numbered(RequestError)
+MODES: Final = _numbered(OperationMode)
+PROGRAMS: Final = _numbered(ProgramState)
+SAFETY_STATES: Final = _numbered(SafetyState)
+MOST_OVERRIDE_PERCENT: Final = 100.0
 
 
 def undecodable(detail: str) -> MalformedDatagram:

@@ -21,7 +21,15 @@ def read_hello(wire: servo_pb2.Packet) -> Hello:
     if not name.isprintable():
         raise undecodable(f"the name {name!r} cannot be printed")
     role = read_member(ROLES, hello.role, "role")
-    return Hello(wire.header.version, hello.nonce, role, hello.watchdog_ms, hello.state_period_ms, name)
+    return Hello(
+        wire.header.version,
+        hello.nonce,
+        role,
+        hello.watchdog_ms,
+        hello.state_period_ms,
+        name,
+        hello.latency_budget_ms,
+    )
 
 
 def read_welcome(wire: servo_pb2.Packet) -> Welcome:
@@ -66,6 +74,7 @@ def write_hello(packet: Hello, *, fill_bytes: int) -> bytes:
             watchdog_ms=packet.watchdog_ms,
             state_period_ms=packet.state_period_ms,
             name=wire_text(printable, MAX_NAME_BYTES),
+            latency_budget_ms=packet.latency_budget_ms,
         ),
     )
     missing = fill_bytes - wire.ByteSize()

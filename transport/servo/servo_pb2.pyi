@@ -20,6 +20,27 @@ class MotionKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     KIND_SMART_SERVO: _ClassVar[MotionKind]
     KIND_DIRECT_SERVO: _ClassVar[MotionKind]
 
+class OperationMode(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    MODE_T1: _ClassVar[OperationMode]
+    MODE_T2: _ClassVar[OperationMode]
+    MODE_AUT: _ClassVar[OperationMode]
+
+class SafetyState(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    SAFETY_NORMAL_OPERATION: _ClassVar[SafetyState]
+    SAFETY_STOP_LEVEL_0: _ClassVar[SafetyState]
+    SAFETY_STOP_LEVEL_1: _ClassVar[SafetyState]
+    SAFETY_STOP_LEVEL_2: _ClassVar[SafetyState]
+
+class ProgramState(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    PROGRAM_NONE: _ClassVar[ProgramState]
+    PROGRAM_RUNNING: _ClassVar[ProgramState]
+    PROGRAM_PAUSED: _ClassVar[ProgramState]
+    PROGRAM_STOPPED: _ClassVar[ProgramState]
+    PROGRAM_EMERGENCY_STOP: _ClassVar[ProgramState]
+
 class MotionPhase(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
     PHASE_NONE: _ClassVar[MotionPhase]
@@ -56,6 +77,18 @@ KIND_NONE: MotionKind
 KIND_PTP: MotionKind
 KIND_SMART_SERVO: MotionKind
 KIND_DIRECT_SERVO: MotionKind
+MODE_T1: OperationMode
+MODE_T2: OperationMode
+MODE_AUT: OperationMode
+SAFETY_NORMAL_OPERATION: SafetyState
+SAFETY_STOP_LEVEL_0: SafetyState
+SAFETY_STOP_LEVEL_1: SafetyState
+SAFETY_STOP_LEVEL_2: SafetyState
+PROGRAM_NONE: ProgramState
+PROGRAM_RUNNING: ProgramState
+PROGRAM_PAUSED: ProgramState
+PROGRAM_STOPPED: ProgramState
+PROGRAM_EMERGENCY_STOP: ProgramState
 PHASE_NONE: MotionPhase
 PHASE_QUEUED: MotionPhase
 PHASE_TRANSFERRED: MotionPhase
@@ -136,20 +169,22 @@ class AnyAnswer(_message.Message):
     def __init__(self, nonce: _Optional[int] = ..., text: _Optional[bytes] = ..., try_again: _Optional[bool] = ...) -> None: ...
 
 class Hello(_message.Message):
-    __slots__ = ("nonce", "role", "watchdog_ms", "state_period_ms", "name", "padding")
+    __slots__ = ("nonce", "role", "watchdog_ms", "state_period_ms", "name", "latency_budget_ms", "padding")
     NONCE_FIELD_NUMBER: _ClassVar[int]
     ROLE_FIELD_NUMBER: _ClassVar[int]
     WATCHDOG_MS_FIELD_NUMBER: _ClassVar[int]
     STATE_PERIOD_MS_FIELD_NUMBER: _ClassVar[int]
     NAME_FIELD_NUMBER: _ClassVar[int]
+    LATENCY_BUDGET_MS_FIELD_NUMBER: _ClassVar[int]
     PADDING_FIELD_NUMBER: _ClassVar[int]
     nonce: int
     role: Role
     watchdog_ms: int
     state_period_ms: int
     name: str
+    latency_budget_ms: int
     padding: bytes
-    def __init__(self, nonce: _Optional[int] = ..., role: _Optional[_Union[Role, str]] = ..., watchdog_ms: _Optional[int] = ..., state_period_ms: _Optional[int] = ..., name: _Optional[str] = ..., padding: _Optional[bytes] = ...) -> None: ...
+    def __init__(self, nonce: _Optional[int] = ..., role: _Optional[_Union[Role, str]] = ..., watchdog_ms: _Optional[int] = ..., state_period_ms: _Optional[int] = ..., name: _Optional[str] = ..., latency_budget_ms: _Optional[int] = ..., padding: _Optional[bytes] = ...) -> None: ...
 
 class Welcome(_message.Message):
     __slots__ = ("nonce", "software", "robot", "cycle_ms", "unix_epoch_ns")
@@ -288,26 +323,38 @@ class State(_message.Message):
     def __init__(self, requests_done: _Optional[int] = ..., snapshot: _Optional[_Union[Snapshot, _Mapping]] = ..., report: _Optional[_Iterable[_Union[Report, _Mapping]]] = ...) -> None: ...
 
 class Snapshot(_message.Message):
-    __slots__ = ("now_ns", "cycle", "operation_mode", "measured_position", "commanded_position", "measured_torque", "external_torque", "commander", "motion")
+    __slots__ = ("now_ns", "cycle", "operation_mode", "program", "enabling", "override_percent", "safety_state", "permissive", "measured_position", "commanded_position", "measured_torque", "external_torque", "commander", "operator_reason", "motion")
     NOW_NS_FIELD_NUMBER: _ClassVar[int]
     CYCLE_FIELD_NUMBER: _ClassVar[int]
     OPERATION_MODE_FIELD_NUMBER: _ClassVar[int]
+    PROGRAM_FIELD_NUMBER: _ClassVar[int]
+    ENABLING_FIELD_NUMBER: _ClassVar[int]
+    OVERRIDE_PERCENT_FIELD_NUMBER: _ClassVar[int]
+    SAFETY_STATE_FIELD_NUMBER: _ClassVar[int]
+    PERMISSIVE_FIELD_NUMBER: _ClassVar[int]
     MEASURED_POSITION_FIELD_NUMBER: _ClassVar[int]
     COMMANDED_POSITION_FIELD_NUMBER: _ClassVar[int]
     MEASURED_TORQUE_FIELD_NUMBER: _ClassVar[int]
     EXTERNAL_TORQUE_FIELD_NUMBER: _ClassVar[int]
     COMMANDER_FIELD_NUMBER: _ClassVar[int]
+    OPERATOR_REASON_FIELD_NUMBER: _ClassVar[int]
     MOTION_FIELD_NUMBER: _ClassVar[int]
     now_ns: int
     cycle: int
-    operation_mode: int
+    operation_mode: OperationMode
+    program: ProgramState
+    enabling: bool
+    override_percent: float
+    safety_state: SafetyState
+    permissive: bool
     measured_position: _containers.RepeatedScalarFieldContainer[float]
     commanded_position: _containers.RepeatedScalarFieldContainer[float]
     measured_torque: _containers.RepeatedScalarFieldContainer[float]
     external_torque: _containers.RepeatedScalarFieldContainer[float]
     commander: str
+    operator_reason: str
     motion: _containers.RepeatedCompositeFieldContainer[MotionState]
-    def __init__(self, now_ns: _Optional[int] = ..., cycle: _Optional[int] = ..., operation_mode: _Optional[int] = ..., measured_position: _Optional[_Iterable[float]] = ..., commanded_position: _Optional[_Iterable[float]] = ..., measured_torque: _Optional[_Iterable[float]] = ..., external_torque: _Optional[_Iterable[float]] = ..., commander: _Optional[str] = ..., motion: _Optional[_Iterable[_Union[MotionState, _Mapping]]] = ...) -> None: ...
+    def __init__(self, now_ns: _Optional[int] = ..., cycle: _Optional[int] = ..., operation_mode: _Optional[_Union[OperationMode, str]] = ..., program: _Optional[_Union[ProgramState, str]] = ..., enabling: _Optional[bool] = ..., override_percent: _Optional[float] = ..., safety_state: _Optional[_Union[SafetyState, str]] = ..., permissive: _Optional[bool] = ..., measured_position: _Optional[_Iterable[float]] = ..., commanded_position: _Optional[_Iterable[float]] = ..., measured_torque: _Optional[_Iterable[float]] = ..., external_torque: _Optional[_Iterable[float]] = ..., commander: _Optional[str] = ..., operator_reason: _Optional[str] = ..., motion: _Optional[_Iterable[_Union[MotionState, _Mapping]]] = ...) -> None: ...
 
 class MotionState(_message.Message):
     __slots__ = ("motion", "kind", "phase", "interpolator", "destination", "destination_at_ns", "remaining_s", "goals_reached", "received", "superseded", "executed", "executed_at_ns")

@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from hil.values.operator import OperatorView
 from hil.values.servo import (
     MAX_COMMANDER_BYTES,
     MAX_DETAIL_BYTES,
@@ -22,7 +23,11 @@ from transport.servo.fields import (
     ERRORS,
     INTERPOLATORS,
     KINDS,
+    MODES,
+    MOST_OVERRIDE_PERCENT,
     PHASES,
+    PROGRAMS,
+    SAFETY_STATES,
     fitting,
     read_member,
     read_text,
@@ -32,10 +37,10 @@ from transport.servo.fields import (
     wire_number,
     wire_text,
 )
-from transport.servo.layout import field
+from transport.servo.layout import TAG_AND_LENGTH_BYTES, field
 
 _SNAPSHOT: Final = b"\x12"
-_MOTION: Final = b"\x4a"
+_MOTION: Final = b"\x7a"
 _REPORT: Final = b"\x1a"
 
 
@@ -60,13 +65,27 @@ def _read_snapshot(wire: servo_pb2.Snapshot) -> Snapshot:
     return Snapshot(
         wire.now_ns,
         wire.cycle,
-        wire.operation_mode,
+        _read_operator(wire),
         read_vector(wire.measured_position),
         read_vector(wire.commanded_position),
         read_vector(wire.measured_torque),
         read_vector(wire.external_torque),
         read_text(wire.commander, MAX_COMMANDER_BYTES, "commander"),
         tuple([_read_motion(motion) for motion in wire.motion]),
+    )
+
+
+def _read_operator(wire: servo_pb2.Snapshot) -> OperatorView:
+    if not 0.0 <= wire.override_percent <= MOST_OVERRIDE_PERCENT:
+        raise undecodable(f"an override of {wire.override_percent:g} %, 0 ... 100 % are possible")
+    return OperatorView(
+        read_member(MODES, wire.operation_mode, "operation mode"),
+        read_member(PROGRAMS, wire.program, "state of the program"),
+        wire.enabling,
+        wire.override_percent,
+        read_member(SAFETY_STATES, wire.safety_state, "safety state"),
+        read_text(wire.operator_reason, MAX_REASON_BYTES, "reason of the operator"),
+        wire.permissive,
     )
 
 
@@ -125,31 +144,44 @@ class StateWriter:
     def write(self, packet: State, *, most_bytes: int) -> bytes:
         """Return a state of at most ``most_bytes``, with its first reports."""
         if packet.snapshot is not self._snapshot_of:
-            self._snapshot = field(_SNAPSHOT, _write_snapshot(packet.snapshot))
+            self._snapshot = _write_snapshot(packet.snapshot, most_bytes=most_bytes)
             self._snapshot_of = packet.snapshot
-        reports = b""
+        room_bytes = most_bytes - usual.STATE_HEAD_BYTES
+        snapshot, reports = self._snapshot, b""
         if packet.reports:
-            room_bytes = most_bytes - usual.STATE_HEAD_BYTES - len(self._snapshot)
-            reports = fitting(map(_write_report, packet.reports[:MAX_REPORTS_IN_PACKET]), room_bytes)
-        return usual.write_state(packet, self._snapshot, reports)
+            pieces = [_write_report(report) for report in packet.reports[:MAX_REPORTS_IN_PACKET]]
+            if len(snapshot) + len(pieces[0]) > room_bytes:
+                # The longest texts at once: the motions that wait last give way, a report never does.
+                snapshot = _write_snapshot(packet.snapshot, most_bytes=room_bytes - len(pieces[0]))
+            reports = fitting(pieces, room_bytes - len(snapshot))
+        return usual.write_state(packet, snapshot, reports)
 
 
-def _write_snapshot(snapshot: Snapshot) -> bytes:
-    commander = b""
+def _write_snapshot(snapshot: Snapshot, *, most_bytes: int) -> bytes:
+    """Return the field of a snapshot of at most ``most_bytes``, with its first motions."""
+    told = _write_snapshot_head(snapshot)
     if snapshot.commander:
-        commander = field(usual.COMMANDER, wire_text(snapshot.commander, MAX_COMMANDER_BYTES).encode())
-    motions = [_write_motion(motion) for motion in snapshot.motions[:MAX_MOTIONS_IN_PACKET]]
-    return b"".join((_write_snapshot_head(snapshot), commander, *motions))
+        told += field(usual.COMMANDER, wire_text(snapshot.commander, MAX_COMMANDER_BYTES).encode())
+    if snapshot.operator.reason:
+        told += field(usual.OPERATOR_REASON, wire_text(snapshot.operator.reason, MAX_REASON_BYTES).encode())
+    room_bytes = most_bytes - TAG_AND_LENGTH_BYTES - len(told)
+    return field(_SNAPSHOT, told + fitting(map(_write_motion, snapshot.motions[:MAX_MOTIONS_IN_PACKET]), room_bytes))
 
 
 def _write_snapshot_head(snapshot: Snapshot) -> bytes:
     head = usual.write_snapshot(snapshot)
     if head is not None:
         return head
+    operator = snapshot.operator
     wire = servo_pb2.Snapshot(
         now_ns=snapshot.now_ns,
         cycle=snapshot.cycle,
-        operation_mode=snapshot.operation_mode,
+        operation_mode=wire_number(operator.mode),
+        program=wire_number(operator.program),
+        enabling=operator.enabling,
+        override_percent=operator.override_percent,
+        safety_state=wire_number(operator.safety_state),
+        permissive=operator.permissive,
         measured_position=snapshot.measured_position,
         commanded_position=snapshot.commanded_position,
         measured_torque=snapshot.measured_torque,

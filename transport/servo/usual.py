@@ -2,14 +2,16 @@
 
 Both ends write them as the layouts here. What is read here is what protobuf would read, and a test holds both ways
 equal on whole and on broken bytes; anything else is None and goes the ordinary way. A command with a destination is
-read in 5 us instead of 16, a state with a motion in 15 instead of 28.
+read in 1.4 us instead of 4.4, a state with a motion in 6 instead of 11.
 """
 
-from typing import Final
+from typing import Any, Final
 
+from hil.values.operator import OperatorView
 from hil.values.servo import (
     MAX_COMMANDER_BYTES,
     MAX_MOTIONS_IN_PACKET,
+    MAX_REASON_BYTES,
     MAX_REPORTS_IN_PACKET,
     PROTOCOL_VERSION,
     Command,
@@ -20,7 +22,15 @@ from hil.values.servo import (
     Snapshot,
     State,
 )
-from transport.servo.fields import INTERPOLATORS, KINDS, PHASES
+from transport.servo.fields import (
+    INTERPOLATORS,
+    KINDS,
+    MODES,
+    MOST_OVERRIDE_PERCENT,
+    PHASES,
+    PROGRAMS,
+    SAFETY_STATES,
+)
 from transport.servo.layout import Layout
 
 _SEVEN: Final = 7
@@ -46,19 +56,22 @@ _VELOCITY_TOO: Final = Layout(
 _COMMANDS: Final = {layout.size: layout for layout in (_NO_REQUEST, _DESTINATION, _VELOCITY_TOO)}
 
 _SNAPSHOT_PARTS: Final = (
-    b"\x09", "q", b"\x11", "Q", b"\x1d", "I", b"\x22\x38", "7d", b"\x2a\x38", "7d", b"\x32\x38", "7d", b"\x3a\x38", "7d"
+    b"\x09", "q", b"\x11", "Q",
+    b"\x18", "B", b"\x20", "B", b"\x28", "B", b"\x31", "d", b"\x38", "B", b"\x40", "B",
+    b"\x4a\x38", "7d", b"\x52\x38", "7d", b"\x5a\x38", "7d", b"\x62\x38", "7d",
 )  # fmt: skip
 _SNAPSHOT: Final = Layout(*_SNAPSHOT_PARTS)
-"""A snapshot up to the commander: time, cycle, operation mode, the four vectors."""
+"""A snapshot up to the commander: time, cycle, what the operator's pad shows, the four vectors."""
 _STATE_HEAD: Final = Layout(*_HEADER_PARTS, b"\x3a", "2B", b"\x09", "Q")
 """A state up to the snapshot: header, length, requests done."""
 STATE_HEAD_BYTES: Final = _STATE_HEAD.size
 _STATE: Final = Layout(*_HEADER_PARTS, b"\x3a", "2B", b"\x09", "Q", b"\x12", "2B", *_SNAPSHOT_PARTS)
 _STATE_START: Final = _HEADER.size + 3
 _SNAPSHOT_START: Final = _STATE.size - _SNAPSHOT.size
-COMMANDER: Final = b"\x42"
+COMMANDER: Final = b"\x6a"
+OPERATOR_REASON: Final = b"\x72"
 _MOTION: Final = Layout(
-    b"\x4a\x88\x01\x09", "Q", b"\x10", "B", b"\x18", "B", b"\x20", "B", b"\x2a\x38", "7d", b"\x31", "q", b"\x39", "d",
+    b"\x7a\x88\x01\x09", "Q", b"\x10", "B", b"\x18", "B", b"\x20", "B", b"\x2a\x38", "7d", b"\x31", "q", b"\x39", "d",
     b"\x41", "Q", b"\x49", "Q", b"\x51", "Q", b"\x59", "Q", b"\x61", "q",
 )  # fmt: skip
 """Snapshot.motion, field by field."""
@@ -118,21 +131,23 @@ def read_state(packet: bytes) -> State | None:
     if numbers is None or _STATE_START + _length(numbers[3], numbers[4]) != len(packet):
         return None
     end = _SNAPSHOT_START + _length(numbers[6], numbers[7])
-    told = _read_commander(packet, _STATE.size)
-    if told is None or end > len(packet):
+    commander, at = _read_text(packet, _STATE.size, COMMANDER, MAX_COMMANDER_BYTES)
+    reason, at = _read_text(packet, at, OPERATOR_REASON, MAX_REASON_BYTES)
+    operator = _operator(numbers[10:16], reason)
+    if commander is None or operator is None or end > len(packet):
         return None
-    motions, reports = _read_motions(packet, told[1], end), _read_reports(packet, end)
+    motions, reports = _read_motions(packet, at, end), _read_reports(packet, end)
     if motions is None or reports is None:
         return None
     snapshot = Snapshot(
         numbers[8],
         numbers[9],
-        numbers[10],
-        numbers[11:18],
-        numbers[18:25],
-        numbers[25:32],
-        numbers[32:],
-        told[0],
+        operator,
+        numbers[16:23],
+        numbers[23:30],
+        numbers[30:37],
+        numbers[37:],
+        commander,
         motions,
     )
     return State(numbers[0], numbers[1], numbers[2], numbers[5], snapshot, reports)
@@ -154,9 +169,12 @@ def write_snapshot(snapshot: Snapshot) -> bytes | None:
     torque, external = snapshot.measured_torque, snapshot.external_torque
     if not len(measured) == len(commanded) == len(torque) == len(external) == _SEVEN:
         return None
+    mode, program, enabling, override_percent, safety_state, _, permissive = snapshot.operator
     return _SNAPSHOT.pack(
-        b"\x09", snapshot.now_ns, b"\x11", snapshot.cycle, b"\x1d", snapshot.operation_mode,
-        b"\x22\x38", *measured, b"\x2a\x38", *commanded, b"\x32\x38", *torque, b"\x3a\x38", *external,
+        b"\x09", snapshot.now_ns, b"\x11", snapshot.cycle,
+        b"\x18", mode, b"\x20", program, b"\x28", enabling, b"\x31", override_percent,
+        b"\x38", safety_state, b"\x40", permissive,
+        b"\x4a\x38", *measured, b"\x52\x38", *commanded, b"\x5a\x38", *torque, b"\x62\x38", *external,
     )  # fmt: skip
 
 
@@ -169,7 +187,7 @@ def write_motion(motion: MotionState) -> bytes | None:
         received, superseded, executed, executed_at_ns,
     ) = motion  # fmt: skip
     return _MOTION.pack(
-        b"\x4a\x88\x01\x09", number, b"\x10", kind, b"\x18", phase, b"\x20", interpolator, b"\x2a\x38", *destination,
+        b"\x7a\x88\x01\x09", number, b"\x10", kind, b"\x18", phase, b"\x20", interpolator, b"\x2a\x38", *destination,
         b"\x31", destination_at_ns, b"\x39", remaining_s, b"\x41", goals_reached, b"\x49", received,
         b"\x51", superseded, b"\x59", executed, b"\x61", executed_at_ns,
     )  # fmt: skip
@@ -184,17 +202,46 @@ def write_request_taken(done: RequestDone) -> bytes | None:
     )
 
 
-def _read_commander(packet: bytes, at: int) -> tuple[str, int] | None:
-    """Return the commander, empty if none is said, and where the motions begin."""
-    if packet[at : at + 1] != COMMANDER:
+def _read_text(packet: bytes, at: int, tag: bytes, most_bytes: int) -> tuple[str | None, int]:
+    """Return the text of the field ``tag``, empty if it is not there, and where the next field begins.
+
+    The text is None where it is too long, cut off or no UTF-8.
+    """
+    if packet[at : at + 1] != tag:
         return "", at
     start = at + 2
-    end = start + packet[at + 1] if start <= len(packet) else start
-    if end - start > MAX_COMMANDER_BYTES:
-        return None
+    if start > len(packet):
+        return None, at
+    size = packet[at + 1]
+    if size >= _MORE:
+        if start == len(packet):
+            return None, at
+        size = _length(size, packet[start])
+        start += 1
+    end = start + size
+    if not 0 <= size <= most_bytes or end > len(packet):
+        return None, at
     try:
         return packet[start:end].decode(), end
     except UnicodeDecodeError:
+        return None, at
+
+
+def _operator(numbers: tuple[Any, ...], reason: str | None) -> OperatorView | None:
+    mode, program, enabling, override_percent, safety_state, permissive = numbers
+    if reason is None or enabling > 1 or permissive > 1 or not 0.0 <= override_percent <= MOST_OVERRIDE_PERCENT:
+        return None
+    try:
+        return OperatorView(
+            MODES[mode],
+            PROGRAMS[program],
+            enabling == 1,
+            override_percent,
+            SAFETY_STATES[safety_state],
+            reason,
+            permissive == 1,
+        )
+    except KeyError:
         return None
 
 

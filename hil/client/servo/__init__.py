@@ -56,7 +56,7 @@ from hil.client.servo.runtime import IServoOnGoalReachedEvent
 from hil.client.servo.session import ServoSession
 from hil.client.servo.statistic_timer import OneTimeStep, StatisticTimer
 from hil.values.errors import ConfigurationError, EndpointError, HilError, OutOfRange, UsageError
-from hil.values.fri import OperationMode
+from hil.values.fri import OperationMode, SafetyState
 from hil.values.motion import (
     DIRECT_SERVO_DELTA_RAD,
     ErrorReason,
@@ -65,6 +65,7 @@ from hil.values.motion import (
     MotionParameters,
     MotionPhase,
 )
+from hil.values.operator import OperatorView, ProgramState
 from hil.values.outcomes import Outcome
 from hil.values.servo import SERVO_PORT, MotionState, Role, Snapshot, Vector, Welcome
 from transport.servo import load_key
@@ -97,10 +98,13 @@ __all__ = [
     "MotionState",
     "OneTimeStep",
     "OperationMode",
+    "OperatorView",
     "OutOfRange",
     "Outcome",
     "PositionControlMode",
+    "ProgramState",
     "Role",
+    "SafetyState",
     "ServoClient",
     "ServoSession",
     "SessionEnded",

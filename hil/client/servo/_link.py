@@ -11,6 +11,7 @@ from hil.client.servo.session import ServoSession
 from hil.values.errors import ConfigurationError, EndpointError, OutOfRange, UsageError
 from hil.values.link import Address
 from hil.values.motion import ParameterRange
+from hil.values.operator import OperatorView
 from hil.values.servo import (
     DEFAULT_STATE_PERIOD_MS,
     DEFAULT_WATCHDOG_MS,
@@ -31,6 +32,8 @@ KEEP_ALIVES_IN_WATCHDOG: Final = 5
 """So that four packets in a row may be lost."""
 SILENT_WATCHDOGS: Final = 3
 LEAST_SILENCE_S: Final = 1.0
+STATES_IN_LATENCY_BUDGET: Final = 3
+"""The least budget is so many state periods: a command reflects the state before it at best."""
 FAREWELLS: Final = 3
 """Goodbyes sent: each of them may be lost, and then the controller's watchdog has to find out."""
 DEFAULT_CONTROLLER: Final = f"127.0.0.1:{SERVO_PORT}"
@@ -43,8 +46,10 @@ class ClientShell:
     """The part of a client that has no socket yet. ``controller`` is ``HOST[:PORT]``, port 30300 unless given.
 
     ``role`` is what it may do: one commander at a time, any number of observers. The controller takes the arm from a
-    commander it has not heard for ``watchdog_ms``; it sends a state every ``state_period_ms``. ``key`` is the
-    pre-shared key of the link, where it has one (:func:`load_key`). ``name`` is for people: 63 bytes of UTF-8.
+    commander it has not heard for ``watchdog_ms``; it sends a state every ``state_period_ms``. It drops a command that
+    reflects a state older than ``latency_budget_ms``: three state periods to the watchdog; None: the watchdog.
+    ``key`` is the pre-shared key of the link, where it has one (:func:`load_key`). ``name`` is for people: 63 bytes of
+    UTF-8.
     """
 
     def __init__(
@@ -55,6 +60,7 @@ class ClientShell:
         role: Role = Role.COMMANDER,
         watchdog_ms: int = DEFAULT_WATCHDOG_MS,
         state_period_ms: int = DEFAULT_STATE_PERIOD_MS,
+        latency_budget_ms: int | None = None,
         key: bytes | None = None,
         connect_timeout_s: float = 5.0,
     ) -> None:
@@ -63,6 +69,11 @@ class ClientShell:
         self._name = name
         self._watchdog_ms = _whole(_WATCHDOG, watchdog_ms)
         self._state_period_ms = _whole(_STATE_PERIOD, state_period_ms)
+        self._latency_budget_ms = 0
+        if latency_budget_ms is not None:
+            least_ms = STATES_IN_LATENCY_BUDGET * self._state_period_ms
+            budget = ParameterRange("latency budget", least_ms, self._watchdog_ms, self._watchdog_ms, "ms")
+            self._latency_budget_ms = _whole(budget, latency_budget_ms)
         self._connect_timeout_s = _CONNECT_TIMEOUT.check(connect_timeout_s)
         self._codec = ServoCodec(key)
         if len(name.encode(errors="replace")) > MAX_NAME_BYTES or not name.isprintable():
@@ -82,6 +93,11 @@ class ClientShell:
     def commander(self) -> str:
         """Who commands the arm, as the latest state says it; empty when nobody does."""
         return self._snapshot().commander
+
+    @property
+    def operator(self) -> OperatorView:
+        """What the operator's pad shows, as the latest state says it: whether motions may run, and if not, why."""
+        return self._snapshot().operator
 
     def _take(self, motion: object) -> None:
         """Let ``motion`` belong to this client; raise where it is none, or may not be started now."""
@@ -103,6 +119,7 @@ class ClientShell:
             state_period_ms=self._state_period_ms,
             name=self._name,
             nonce=secrets.randbits(64),
+            latency_budget_ms=self._latency_budget_ms,
         )
 
     def _new_link(self) -> "Link":

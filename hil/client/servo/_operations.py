@@ -29,7 +29,8 @@ from hil.values.servo import Request, RequestDone, RequestError, Snapshot, StopM
 RETRY_S: Final = 0.05
 """Between two hellos."""
 ANSWER_S: Final = 10.0
-"""How long a request may stay without an outcome while states come. Loss costs far less, at any rate worth using."""
+"""How long a request may stay without an outcome while states come, and no pause is on. Loss costs far less, at any
+rate worth using."""
 
 _T = TypeVar("_T")
 
@@ -91,7 +92,7 @@ def transferred(record: MotionRecord | None, *, timeout_s: float) -> Operation[t
     yield Wait(lambda: _gone(record) or _transferred(record), timeout_s)
     check_motion(record)
     if record.shown is None or not _transferred(record):
-        raise IllegalStateException(NOT_TRANSFERRED_IN_TIME)
+        raise IllegalStateException(NOT_TRANSFERRED_IN_TIME, _operators_reason(record.session))
     return record, record.shown
 
 
@@ -160,7 +161,11 @@ def check_motion(record: MotionRecord) -> None:
 
 
 def _answer(session: ServoSession, pending: Pending) -> Operation[RequestDone]:
-    yield Wait(lambda: pending.done is not None or session.over, ANSWER_S)
+    # A request may wait for the operator's start as long as he likes (manual 9.1.2): patience begins anew after it.
+    while (yield Wait(lambda: pending.done is not None or session.over or session.paused, ANSWER_S)):
+        if pending.done is not None or session.over:
+            break
+        yield Wait(lambda: pending.done is not None or session.over or not session.paused, None)
     done = pending.done
     if done is None:
         check(session)
@@ -176,6 +181,10 @@ def _answer(session: ServoSession, pending: Pending) -> Operation[RequestDone]:
 
 def _unanswered(what: str) -> EndpointError:
     return EndpointError(f"the controller {what} within {ANSWER_S:g} s, though it sends states; are commands lost?")
+
+
+def _operators_reason(session: ServoSession) -> str:
+    return "" if session.snapshot is None else session.snapshot.operator.reason
 
 
 def _gone(record: MotionRecord) -> bool:

@@ -109,6 +109,7 @@ class Pump:
 
     def _wait(self, wait: Wait) -> bool:
         deadline = Deadline(wait.timeout_s)
+        caught_up = False
         while True:
             reading = False
             try:
@@ -118,6 +119,10 @@ class Pump:
                         return True
                     if left_s is not None and left_s <= 0.0:
                         return False
+                    if not caught_up:
+                        caught_up = True
+                        if self._catch_up():
+                            continue
                     self._flush()
                     if self._reading:
                         if self._own_thread_reads:
@@ -170,12 +175,32 @@ class Pump:
         if self._woken:
             self._woken = False
             self._wake_in.recv(1)
+        if not self._take_waiting():
+            self.link.nothing_came()
+        self._tell_news()
+
+    def _catch_up(self) -> bool:
+        """Take in what has come, so that what is sent next reflects the newest state; return whether there was some.
+
+        The controller drops what reflects an old one, and between calls nobody reads for a moment. Needs the lock.
+        """
+        if not self._take_waiting():
+            return False
+        self._tell_news()
+        if self._reading:
+            # What that thread waits for may have come in here.
+            self._wake()
+        return True
+
+    def _take_waiting(self) -> int:
+        """Take in what has come and return how many datagrams that were. Needs the lock."""
         came = 0
         while came < _MOST_AT_ONCE and (datagram := self._receive()) is not None:
             self.link.take(datagram)
             came += 1
-        if not came:
-            self.link.nothing_came()
+        return came
+
+    def _tell_news(self) -> None:
         self._news.notify_all()
         if self.link.goals_to_tell:
             self._own_turn.notify()

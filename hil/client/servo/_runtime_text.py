@@ -5,11 +5,14 @@ from typing import Final
 
 from hil.client.servo.session import MotionRecord, Update
 from hil.client.servo.statistic_timer import StatisticTimer
-from hil.values.fri import OperationMode
 from hil.values.motion import MotionKind
+from hil.values.operator import OperatorView, ProgramState
 from hil.values.servo import Vector
 
 _KINDS: Final = {MotionKind.PTP: "PTP", MotionKind.SMART_SERVO: "SmartServo", MotionKind.DIRECT_SERVO: "DirectServo"}
+
+_WHOLE_PERCENT: Final = 100.0
+_PERMISSIVE: Final = "PERMISSIVE: monitors only report"
 
 
 def describe(
@@ -33,10 +36,13 @@ def describe(
 
 def _headline(record: MotionRecord, update: Update) -> str:
     name = f"{_KINDS[record.kind]} {record.number}"
+    # Said at every level: positions of an arm that nothing would have stopped prove less than they seem to.
+    loud = f"; {_PERMISSIVE}" if update.snapshot.operator.permissive else ""
     if record.ended is not None:
-        return f"{name} ENDED ({record.ended.end.name}): {record.ended.reason}"
+        return f"{name} ENDED ({record.ended.end.name}): {record.ended.reason}{loud}"
     motion = update.motion
-    return f"{name} {motion.phase.name}, interpolator {motion.interpolator.name}, remaining {motion.remaining_s:.3f} s"
+    state = f"{motion.phase.name}, interpolator {motion.interpolator.name}, remaining {motion.remaining_s:.3f} s"
+    return f"{name} {state}{loud}"
 
 
 def _positions(_: MotionRecord, update: Update) -> Iterator[str]:
@@ -57,7 +63,7 @@ def _everything_else(record: MotionRecord, update: Update) -> Iterator[str]:
     yield f"external torque {_numbers(snapshot.external_torque)} Nm"
     welcome = session.welcome
     controller = "" if welcome is None else f"{welcome.software}, {welcome.robot}, cycle {welcome.cycle_ms} ms; "
-    yield f"controller {controller}mode {_mode(snapshot.operation_mode)}; commander {snapshot.commander or 'nobody'}"
+    yield f"controller {controller}{_operator(snapshot.operator)}; commander {snapshot.commander or 'nobody'}"
     yield (
         f"session {session.phase.value}: {session.states} states taken, {session.sent} packets sent, "
         f"{len(session.requests)} requests outstanding, {session.requests.superseded} destinations superseded on the "
@@ -76,11 +82,13 @@ def _seconds(time_ns: int) -> str:
     return f"{time_ns * 1e-9:.3f} s"
 
 
-def _mode(number: int) -> str:
-    try:
-        return OperationMode(number).name
-    except ValueError:
-        return str(number)
+def _operator(view: OperatorView) -> str:
+    words = f"mode {view.mode.name}"
+    if view.program is not ProgramState.RUNNING:
+        words += f", program {view.program.name}" + (f" ({view.reason})" if view.reason else "")
+    if view.override_percent != _WHOLE_PERCENT:
+        words += f", override {view.override_percent:g} %"
+    return f"{words}; {_PERMISSIVE}" if view.permissive else words
 
 
 _FURTHER: Final[dict[int, Callable[[MotionRecord, Update], Iterator[str]]]] = {2: _positions, 3: _everything_else}

@@ -139,7 +139,7 @@ class AsyncRuntime(ServoRuntime):
         await self._client._run(self._setting_parameters(minimum_execution_time_s=seconds))
 
     async def activate_wait_for_pause_during_set_destination(self, active: bool = True) -> None:
-        """Whether the motion pauses when the enabling switch or the start key is released: default True."""
+        """Whether it pauses when enabling switch or start key are released, and destinations wait: default True."""
         await self._client._run(self._setting_parameters(wait_for_pause=active))
 
     async def stop_motion(self) -> bool:

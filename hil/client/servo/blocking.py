@@ -145,7 +145,8 @@ class BlockingRuntime(ServoRuntime):
         """Go to ``position`` (seven axes, rad), to be passed with ``velocity`` (rad/s; SmartServo only).
 
         Returns when the destination arrived at the controller, in ns of its time; updates the data. One that is
-        replaced by a newer one, from another thread, before it was sent is answered with the newer one's time.
+        replaced by a newer one, from another thread, before it was sent is answered with the newer one's time. While
+        the operator has paused the program it waits until he starts it again, or the motion ends (manual 9.1.2).
         """
         return self._client._run(self._setting_destination(position, velocity))
 
@@ -158,7 +159,7 @@ class BlockingRuntime(ServoRuntime):
         self._client._run(self._setting_parameters(minimum_execution_time_s=seconds))
 
     def activate_wait_for_pause_during_set_destination(self, active: bool = True) -> None:
-        """Whether the motion pauses when the enabling switch or the start key is released: default True."""
+        """Whether it pauses when enabling switch or start key are released, and destinations wait: default True."""
         self._client._run(self._setting_parameters(wait_for_pause=active))
 
     def stop_motion(self) -> bool:

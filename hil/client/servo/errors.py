@@ -31,6 +31,8 @@ CALLED_PREMATURELY: Final = "waitForTransferred called prematurely - RealtimeMot
 
 _WATCHDOG: Final = "the watchdog allows"
 """In the controller's words about a session that was silent."""
+_LATENCY_BUDGET: Final = "latency budget"
+"""In its words where packets came, but too late to count."""
 
 
 class IllegalArgumentException(UsageError):
@@ -98,7 +100,12 @@ class SessionEnded(EndpointError):
     def __init__(self, reason: str) -> None:
         self.reason = reason
         super().__init__(f"the session with the controller is over: {reason}")
-        if _WATCHDOG in reason:
+        if _LATENCY_BUDGET in reason:
+            self.add_note(
+                "what was sent reflected states that were too old: does the network take so long, or did a call hold "
+                "the interpreter? A larger latency_budget_ms bears that"
+            )
+        elif _WATCHDOG in reason:
             self.add_note(
                 "nothing was sent for so long: did a call hold the interpreter (C code, a debugger), or was the "
                 "machine busy? A larger watchdog_ms bears that"

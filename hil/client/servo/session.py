@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 from hil.client.servo._requests import Pending, RequestBook
 from hil.values.errors import MalformedDatagram
 from hil.values.motion import MotionEnd, MotionKind
+from hil.values.operator import ProgramState
 from hil.values.outcomes import Outcome
 from hil.values.servo import (
     PROTOCOL_VERSION,
@@ -109,6 +110,7 @@ class ServoSession:
         state_period_ms: int,
         name: str,
         nonce: int,
+        latency_budget_ms: int = 0,
     ) -> None:
         self.phase = SessionPhase.CLOSED
         self.welcome: Welcome | None = None
@@ -135,7 +137,7 @@ class ServoSession:
         self.reports_lost = 0
         """Reports the controller gave up before they came through."""
         self._codec = codec
-        self._hello = Hello(PROTOCOL_VERSION, nonce, role, watchdog_ms, state_period_ms, name)
+        self._hello = Hello(PROTOCOL_VERSION, nonce, role, watchdog_ms, state_period_ms, name, latency_budget_ms)
         self._token = 0
         self._knocks = 0
         self._due = False
@@ -158,6 +160,11 @@ class ServoSession:
     def refused_for_good(self) -> bool:
         """Whether the controller gives no session, and time will not change that."""
         return self.refusal is not None and not self.refusal.try_again
+
+    @property
+    def paused(self) -> bool:
+        """Whether the latest state says that motions wait for the operator's start."""
+        return self.snapshot is not None and self.snapshot.operator.program is ProgramState.PAUSED
 
     def knock(self) -> None:
         """Say hello, or begin the session that was offered; again each time until it runs."""

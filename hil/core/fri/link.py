@@ -26,6 +26,7 @@ from hil.values.fri import TRAITS, Quality, SessionState
 from hil.values.fri_messages import CommandMessage, ControllerCodec
 from hil.values.link import Address
 from hil.values.motion import Fault
+from hil.values.operator import OperatorView
 from hil.values.outcomes import FRI_DROPS, Outcome
 from hil.values.robot import JointLimits
 
@@ -71,6 +72,8 @@ class FriLink:
         self._overlay_ended_because = ""
         self._first_counter_of_state: int | None = None
         self._client_saw_state = False
+        self._heard: tuple[int, int] | None = None
+        """Message that the last answer in time was to, and when that came."""
         self.counters = PacketCounters(FRI_DROPS)
         self.answer_latency = Histogram()
         self.log = SessionLog(emit=emit)
@@ -104,6 +107,7 @@ class FriLink:
         if admitted.outcome is not Outcome.ACCEPTED:
             self._drop(admitted.outcome, admitted.detail, now_ns)
             return
+        self._heard = message.reflected_sequence_counter, now_ns
         refusal = self._take(message, now_ns)
         if refusal is None:
             self.counters.accepted()
@@ -140,7 +144,7 @@ class FriLink:
             self._overlay_ended_because = reason
             self._overlay_not_before_ns = now_ns + self._settings.overlay_restart_ms * NS_PER_MS
 
-    def message(self, arm: ArmState, *, now_ns: int, started_ns: int) -> bytes | None:
+    def message(self, arm: ArmState, *, operator: OperatorView, now_ns: int, started_ns: int) -> bytes | None:
         """Return the monitoring message of this cycle, or None when none is due."""
         if self._cycles_until_message:
             self._cycles_until_message -= 1
@@ -148,21 +152,21 @@ class FriLink:
         if self.log.state is SessionState.IDLE:
             return None
         self._cycles_until_message = self._cycles_per_message - 1
-        return self._encode(arm, now_ns=now_ns, sent_ns=started_ns)
+        return self._encode(arm, operator, now_ns=now_ns, sent_ns=started_ns)
 
     def departed(self, *, now_ns: int) -> None:
         """The message of this cycle leaves at ``now_ns``, not when the cycle began."""
         self._tracker.departed(at_ns=now_ns)
         self._expected.departed(at_ns=now_ns)
 
-    def close(self, arm: ArmState, *, now_ns: int) -> bytes | None:
+    def close(self, arm: ArmState, *, operator: OperatorView, now_ns: int) -> bytes | None:
         """Close the session and return its last message, which says IDLE; None if it was not open."""
         if self.log.state is SessionState.IDLE:
             return None
         self._go(Trigger.SESSION_CLOSED, "the robot application closes the session", now_ns)
-        return self._encode(arm, now_ns=now_ns, sent_ns=now_ns)
+        return self._encode(arm, operator, now_ns=now_ns, sent_ns=now_ns)
 
-    def _encode(self, arm: ArmState, *, now_ns: int, sent_ns: int) -> bytes:
+    def _encode(self, arm: ArmState, operator: OperatorView, *, now_ns: int, sent_ns: int) -> bytes:
         counter = self._tracker.sent(at_ns=sent_ns)
         if self._first_counter_of_state is None:
             self._first_counter_of_state = counter
@@ -175,6 +179,7 @@ class FriLink:
                 state=self.log.state,
                 quality=self._meter.quality,
                 arm=arm,
+                operator=operator,
                 set_point=self._motion.set_point,
                 hold_position_rad=self._motion.hold_position_rad,
                 tracking_performance=self._motion.tracking_performance,
@@ -228,7 +233,7 @@ class FriLink:
                 Fault(
                     "client lost",
                     f"{self._meter.missed_in_a_row} answers in a row are missing, {silent_ns / 1e6:g} ms of silence, "
-                    f"the watchdog allows {self._settings.watchdog_ns / 1e6:g} ms",
+                    f"the watchdog allows {self._settings.watchdog_ns / 1e6:g} ms{self._last_answer(now_ns)}",
                 ),
                 now_ns,
             )
@@ -279,6 +284,12 @@ class FriLink:
         if now_ns < self._overlay_not_before_ns:
             return f"the overlay rests after its end ({self._overlay_ended_because})"
         return ""
+
+    def _last_answer(self, now_ns: int) -> str:
+        if self._heard is None:
+            return ""
+        counter, heard_ns = self._heard
+        return f"; the last answer was to message {counter}, {(now_ns - heard_ns) / 1e6:.1f} ms ago"
 
     def _own_lateness(self) -> str:
         """What this process did to the connection in the last second, in words; nothing when it was on time."""

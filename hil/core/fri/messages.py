@@ -8,11 +8,11 @@ from hil.values.fri import (
     TRAITS,
     ClientCommandMode,
     ControlMode,
+    DriveState,
     OverlayType,
     Quality,
     RedundancyStrategy,
     Release,
-    SafetyState,
     SessionState,
 )
 from hil.values.fri_messages import (
@@ -25,6 +25,7 @@ from hil.values.fri_messages import (
     TimeStamp,
     Transformation,
 )
+from hil.values.operator import OperatorView
 from hil.values.robot import JOINT_COUNT, Seven
 
 FLANGE_POSE_NAME = "Flange"
@@ -41,6 +42,7 @@ class MessageBuilder:
         self._settings = settings
         self._fri = fri
         self._robot_info: RobotInfo | None = None
+        self._operator: OperatorView | None = None
         self._connection_info: ConnectionInfo | None = None
 
     def build(
@@ -51,6 +53,7 @@ class MessageBuilder:
         state: SessionState,
         quality: Quality,
         arm: ArmState,
+        operator: OperatorView,
         set_point: SetPoint,
         hold_position_rad: Seven,
         tracking_performance: float,
@@ -61,7 +64,7 @@ class MessageBuilder:
         return MonitoringMessage(
             sequence_counter,
             reflected_sequence_counter,
-            self._robot(arm),
+            self._robot(arm, operator),
             self._monitor(arm, set_point, now_ns),
             self._connection(state, quality),
             self._ipo(hold_position_rad, state, tracking_performance) if commanding else None,
@@ -74,17 +77,18 @@ class MessageBuilder:
             self._connection_info = info
         return info
 
-    def _robot(self, arm: ArmState) -> RobotInfo:
+    def _robot(self, arm: ArmState, operator: OperatorView) -> RobotInfo:
         info = self._robot_info
-        if info is None or info.drive_states != arm.drive_states:
+        if info is None or operator is not self._operator or info.drive_states != arm.drive_states:
+            holds = DriveState.OFF not in arm.drive_states
             info = RobotInfo(
                 JOINT_COUNT,
-                SafetyState.NORMAL_OPERATION,
+                operator.safety_state,
                 arm.drive_states,
-                self._settings.operation_mode,
-                ControlMode.POSITION,
+                operator.mode,
+                ControlMode.POSITION if holds else ControlMode.NO_CONTROL,
             )
-            self._robot_info = info
+            self._robot_info, self._operator = info, operator
         return info
 
     def _monitor(self, arm: ArmState, set_point: SetPoint, now_ns: int) -> MonitorData:

@@ -8,6 +8,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from hil.core.motion.flange_limit import FlangeLimit
 from hil.core.motion.set_point import SetPoint
 from hil.values.motion import (
     MINIMUM_EXECUTION_TIME,
@@ -31,6 +32,8 @@ class MotionBasis:
     smart_servo_dead_time_ns: int
     """From the arrival of a destination to the cycle in which the interpolator has it."""
     direct_servo_dead_time_ns: int
+    flange: FlangeLimit
+    """What a PTP has to keep in T1."""
 
 
 class Accounting(NamedTuple):
@@ -98,6 +101,9 @@ class ApplicationMotion(ABC):
             wait_for_pause=self.parameters.wait_for_pause if wait_for_pause is None else wait_for_pause,
         )
         return None
+
+    def resumed(self, *, paused_ns: int) -> None:  # noqa: B027  # most motions have no clock of their own
+        """The motion was paused so long: its timeouts did not run."""
 
     def blend_begins(self, *, now_ns: int) -> bool:  # noqa: ARG002  # it is a PTP that looks at the time
         """Whether the next PTP may take over before this one ends; only a PTP is ever blended."""

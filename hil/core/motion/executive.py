@@ -9,6 +9,7 @@ from hil.core.motion.joint_overlay import JointOverlay
 from hil.core.motion.position_hold import PositionHold
 from hil.core.motion.queue import MotionQueue
 from hil.core.motion.set_point import STILL, SetPoint
+from hil.core.motion.tempo import Tempo
 from hil.values.errors import IllegalTransition
 from hil.values.motion import Fault
 from hil.values.robot import JointLimits, Seven
@@ -43,6 +44,10 @@ class MotionExecutive:
         self.hold_position_rad = position_rad
         self.set_point = self._motion.interpolate()
         self.applications = MotionQueue()
+        self._tempo = Tempo(limits=limits, cycle_s=cycle_s)
+        self.override = 1.0
+        """Share of their velocity at which motions of applications run, 0..1."""
+        self._paused_since_ns: int | None = None
 
     @property
     def tracking_performance(self) -> float:
@@ -53,6 +58,54 @@ class MotionExecutive:
     def at_rest(self) -> bool:
         """True while the arm holds its position and no motion is about to begin."""
         return self.phase is Phase.HOLDING and not self.applications
+
+    @property
+    def paused(self) -> bool:
+        """Whether motions of applications are paused, or about to stand still because of a pause."""
+        return self._paused_since_ns is not None
+
+    @property
+    def stands(self) -> bool:
+        """Whether the set point stands still and goes on standing: nothing has the arm, or what has it is paused."""
+        if self.phase is Phase.APPLICATION:
+            return self.paused and self._tempo.stands
+        return self.phase is Phase.HOLDING
+
+    def set_override(self, share: float) -> None:
+        """Let motions of applications run at ``share`` (0..1) of their velocity from now on."""
+        self.override = share
+        if not self.paused:
+            self._aim(share)
+
+    def pause(self, *, now_ns: int) -> None:
+        """Bring a motion of an application to a stop on its path, and begin none, until :meth:`resume`."""
+        if not self.paused:
+            self._paused_since_ns = now_ns
+            self._aim(0.0)
+
+    def resume(self, *, now_ns: int) -> None:
+        """Let the paused motion go on from where it stands, and begin what waits."""
+        if self._paused_since_ns is None:
+            return
+        if self.applications.active is not None:
+            self.applications.active.motion.resumed(paused_ns=now_ns - self._paused_since_ns)
+        self._paused_since_ns = None
+        self._aim(self.override)
+
+    def drop(self, fault: Fault, *, now_ns: int) -> None:
+        """End whatever moves the arm without braking it: its drives are dropped, and the brakes do that."""
+        self.applications.fail(fault, now_ns=now_ns)
+        if self.phase is not Phase.HOLDING:
+            if self.phase is not Phase.BRAKING:
+                self._enter(Phase.BRAKING)
+            self._hold()
+        self.set_point = self._motion.interpolate()
+
+    def follow(self, position_rad: Seven) -> None:
+        """The arm is where it is, and no drive holds it: hold it there once one does. Needs a phase of holding."""
+        self.hold_position_rad = position_rad
+        self._motion = PositionHold(position_rad)
+        self.set_point = self._motion.interpolate()
 
     def start_overlay(self, *, cycles_per_target: int) -> None:
         """Lay a joint overlay over the hold; raise :class:`IllegalTransition` unless the arm is holding."""
@@ -90,10 +143,16 @@ class MotionExecutive:
             return True
         return bool(self.applications) and self.fail_application_motion(fault, now_ns=now_ns)
 
-    def brake_harder(self) -> None:
-        """Brake from the present set point in half the time the running brake takes, at last within one cycle."""
+    def brake_harder(self) -> bool:
+        """Brake from the present set point in half the time the running brake takes, at last within one cycle.
+
+        Return whether that was possible: nothing is harder than within one cycle. Raise :class:`IllegalTransition`
+        unless the arm is braking.
+        """
         if not isinstance(self._motion, Brake):
             raise IllegalTransition(self.phase.value, "braking harder", [Phase.BRAKING.value])
+        if self._motion.duration_s == 0.0:
+            return False
         half_s = self._motion.duration_s / 2
         self._motion = Brake(
             self.set_point,
@@ -101,6 +160,7 @@ class MotionExecutive:
             cycle_s=self._cycle_s,
             longest_s=half_s if half_s > self._cycle_s else 0.0,
         )
+        return True
 
     def propose(self, *, measured_rad: Seven, now_ns: int, started_ns: int) -> SetPoint | Fault:
         """Return the set point the running motion wants next, which counts only once it is committed.
@@ -111,16 +171,26 @@ class MotionExecutive:
         if self.phase is Phase.APPLICATION and not applications:
             # The last motion left while none had the arm: between the end of one and the beginning of the next.
             self._rest()
-        if applications and self.phase is not Phase.BRAKING:
+        if not applications or self.phase is Phase.BRAKING:
+            return self._motion.interpolate()
+        if self.phase is not Phase.APPLICATION:
+            if self.phase is Phase.OVERLAY or self.paused:
+                return self._motion.interpolate()
+            self._enter(Phase.APPLICATION)
+            self._tempo.begins(self.set_point)
+
+        def next_of_motion() -> SetPoint | Fault:
             active = applications.active
             if active is None or (len(applications) > 1 and applications.next_blends(now_ns=now_ns)):
                 fault = self._hand_over(measured_rad=measured_rad, now_ns=now_ns)
                 if fault is not None:
                     return fault
                 active = applications.active
-            if active is not None:
-                return active.motion.interpolate(now_ns=now_ns, started_ns=started_ns)
-        return self._motion.interpolate()
+            if active is None:
+                return self.set_point
+            return active.motion.interpolate(now_ns=now_ns, started_ns=started_ns)
+
+        return next_of_motion() if self._tempo.full else self._tempo.next(next_of_motion)
 
     def commit(self, set_point: SetPoint, *, now_ns: int) -> bool:
         """Take ``set_point`` as the present one; return True when braking ended with it."""
@@ -129,6 +199,8 @@ class MotionExecutive:
             self._hold()
             return True
         if self.phase is Phase.APPLICATION and (active := self.applications.active) and active.motion.ended:
+            if not self._tempo.settled:
+                return False
             self.applications.finish(now_ns=now_ns)
             if not self.applications:
                 self._rest()
@@ -138,11 +210,11 @@ class MotionExecutive:
         """Begin the motion whose turn it is, blended into or not; return why it cannot begin."""
         if self.applications.active is not None:
             self.applications.finish(now_ns=now_ns, blended=True)
-        if self.phase is Phase.OVERLAY:
-            return None
-        if self.phase is not Phase.APPLICATION:
-            self._enter(Phase.APPLICATION)
-        return self.applications.begin_next(self.set_point, measured_rad=measured_rad, now_ns=now_ns)
+        start = self._tempo.takes_over_at(self.set_point)
+        return self.applications.begin_next(start, measured_rad=measured_rad, now_ns=now_ns)
+
+    def _aim(self, tempo: float) -> None:
+        self._tempo.aim(tempo, present=self.set_point, moving=self.phase is Phase.APPLICATION)
 
     def _rest(self) -> None:
         if self.set_point.velocity_rad_s == STILL:

@@ -3,6 +3,7 @@
 From rest the arm goes in a straight line in axis space, all axes with the same profile. From a moving set point, where
 the PTP before was blended or another motion was stopped, all axes arrive together and the way is curved. A blended PTP
 may be left early, for the next one, once it has less than its share of the way before it; that one then begins moving.
+In T1 a PTP is planned slow enough for the flange, and is not blended.
 """
 
 from hil.core.motion.application_motion import Accounting, ApplicationMotion, MotionBasis
@@ -13,7 +14,7 @@ from hil.core.motion.motion_limits import POINT_TO_POINT_CHECKS, admissible, bad
 from hil.core.motion.planner import Plan, TrajectoryPlanner
 from hil.core.motion.set_point import STILL, SetPoint
 from hil.values.motion import ErrorReason, Fault, FineInterpolatorState, MotionKind, MotionParameters
-from hil.values.robot import JOINT_COUNT, Seven
+from hil.values.robot import JOINT_COUNT, JointLimits, Seven
 from hil.values.servo import Vector
 
 TAKES_NO_DESTINATION = Fault("a PTP takes no new destination while it runs")
@@ -99,12 +100,21 @@ class PointToPoint(ApplicationMotion):
         """Whether the axis with the longest way has less than the blended share of it left."""
         if self.parameters.blending_rel == 0.0 or self.destination is None or self._way_rad == 0.0:
             return False
+        # A way that begins at the speed limit in another direction would be over it before it could slow down.
+        if self.basis.flange.limit_mm_s is not None:
+            return False
         left = abs(self.destination[self._longest_axis] - self._set_point.position_rad[self._longest_axis])
         return left < self.parameters.blending_rel * self._way_rad
 
     def _plan(self, start: SetPoint, point: Destination) -> Plan | Fault:
+        flange = self.basis.flange
         limits = point_to_point_limits(self.basis, self.parameters)
-        planner = TrajectoryPlanner(limits, cycle_s=self._cycle_s)
         if start.velocity_rad_s == STILL and start.acceleration_rad_s2 == STILL:
-            return planner.along_line(start, point.planned_rad)
-        return planner.to_goal(admissible(start, limits), point.planned_rad)
+            limits = flange.straight(start.position_rad, point.planned_rad, limits)
+            return TrajectoryPlanner(limits, cycle_s=self._cycle_s).along_line(start, point.planned_rad)
+
+        def curved(slower: JointLimits) -> Plan | Fault:
+            planner = TrajectoryPlanner(slower, cycle_s=self._cycle_s)
+            return planner.to_goal(admissible(start, slower), point.planned_rad)
+
+        return flange.planned(limits, curved)

@@ -82,12 +82,12 @@ class MotionQueue:
         """Forget how motions ended: another application may use their numbers again."""
         self._ends.clear()
 
-    def phases(self) -> Iterator[tuple[Entry, MotionPhase]]:
-        """Yield every motion with where it is on its way."""
+    def phases(self, *, may_begin: bool = True) -> Iterator[tuple[Entry, MotionPhase]]:
+        """Yield every motion with where it is on its way; a pause lets none into the real-time system to begin."""
         for place, entry in enumerate(self._entries):
             if entry.begun:
                 yield entry, MotionPhase.ACTIVE
-            elif place == 0 or (place == 1 and self._entries[0].begun):
+            elif (place == 0 and may_begin) or (place == 1 and self._entries[0].begun):
                 yield entry, MotionPhase.TRANSFERRED
             else:
                 yield entry, MotionPhase.QUEUED

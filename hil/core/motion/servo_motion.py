@@ -128,6 +128,10 @@ class ServoMotion(ApplicationMotion):
                 self.accounting = Accounting(received, superseded + due.superseded, executed + 1, started_ns)
         return self._next(now_ns)
 
+    def resumed(self, *, paused_ns: int) -> None:
+        """The motion was paused so long: its timeouts did not run."""
+        self._rests_since_ns += paused_ns
+
     @abstractmethod
     def _prepare(self) -> None:
         """Work out what the parameters, which are checked, make of the limits."""

@@ -1,99 +1,158 @@
 """Monitors on the set point before the backend sees it, and on the measured state after.
 
-Texts: manual, chapter 10.3. 250 mm/s: manual chapter 4, design page "Safety, each cycle". These are
-an emulator's monitors, not certified safety functions.
+Texts: manual, chapter 10.3. Limits and their sources: docs/safety.md. These are an emulator's monitors, not certified
+safety functions.
 """
 
 import math
-from operator import sub
+from collections.abc import Callable
+from typing import Final, NamedTuple
 
 from hil.core.model import ArmModel
 from hil.core.motion.set_point import SetPoint
+from hil.core.safety.flange_speed import FlangeSpeedMonitor
+from hil.core.safety.margins import MonitorName, report
+from hil.core.safety.set_point_monitors import (
+    AxisRangeMonitor,
+    AxisVelocityMonitor,
+    SetPointMonitor,
+    StepSizeMonitor,
+)
+from hil.core.safety.state_monitors import AxisTorqueMonitor, FreshStateMonitor, TrackingMonitor
+from hil.core.settings import SafetySettings
 from hil.values.arm import ArmState
-from hil.values.fri import OperationMode
 from hil.values.motion import ErrorReason, Fault
-from hil.values.robot import JOINT_NAMES, JointLimits
+from hil.values.operator import StopCategory
+from hil.values.robot import JointLimits, Seven
 
-T1_SPEED_LIMIT_MM_S = 250.0
-_RANGE_TOLERANCE_RAD = 1e-9
-_SPEED_TOLERANCE = 1e-6
+NOT_FINITE: Final = "the robot side reports a state that is not finite"
 
-TRACKING_LIMIT_RAD = 0.1
-"""Ours, no public figure: a little more than the 5 degrees that a DirectServo destination may be away."""
-_OUT_OF_RANGE = "set point outside the axis range"
-_NOT_FINITE = Fault("the robot side reports a state that is not finite")
+CATEGORIES: Final = {
+    MonitorName.FINITE: StopCategory.BRAKE_AND_HOLD,
+    MonitorName.AXIS_RANGE: StopCategory.BRAKE_AND_HOLD,
+    MonitorName.AXIS_VELOCITY: StopCategory.BRAKE_AND_HOLD,
+    MonitorName.STEP_SIZE: StopCategory.BRAKE_AND_HOLD,
+    MonitorName.COMMANDED_T1: StopCategory.BRAKE_AND_HOLD,
+    MonitorName.STATE: StopCategory.DROP,
+    MonitorName.FRESH: StopCategory.DROP,
+    MonitorName.TRACKING: StopCategory.BRAKE_AND_DROP,
+    MonitorName.AXIS_TORQUE: StopCategory.BRAKE_AND_DROP,
+    MonitorName.MEASURED_T1: StopCategory.BRAKE_AND_DROP,
+}
+"""Reaction of each monitor. A wrong set point never reached the arm, so the drives may hold it; an arm that does not do
+what it is told is braked and dropped; one nobody knows anything of is dropped at once. Ours: no public figure."""
+
+_WITHOUT_MARGIN: Final = frozenset({MonitorName.FINITE, MonitorName.STATE})
+PERMISSIVE: Final = frozenset(MonitorName) - _WITHOUT_MARGIN
+"""What ``--permissive`` switches to reporting: all but those without which there is nothing to compute with."""
+
+
+class Trip(NamedTuple):
+    """Why the arm must stop, and how."""
+
+    monitor: MonitorName
+    fault: Fault
+
+    @property
+    def category(self) -> StopCategory:
+        """How the arm is to be stopped."""
+        return CATEGORIES[self.monitor]
 
 
 class Monitors:
-    """Return why the arm must stop, or None."""
+    """Return why the arm must stop, or None, and keep how near it came to that.
 
-    def __init__(self, *, limits: JointLimits, model: ArmModel, operation_mode: OperationMode) -> None:
-        self._axes = tuple(
-            (low - _RANGE_TOLERANCE_RAD, high + _RANGE_TOLERANCE_RAD, fastest * (1 + _SPEED_TOLERANCE))
-            for low, high, fastest in zip(
-                limits.position_min_rad, limits.position_max_rad, limits.velocity_rad_s, strict=True
-            )
-        )
+    Trips of monitors in ``only_report`` go to ``reported`` instead, and the check goes on. :attr:`t1` is whether the
+    speed limit of T1 counts now.
+    """
+
+    def __init__(
+        self,
+        *,
+        limits: JointLimits,
+        model: ArmModel,
+        safety: SafetySettings,
+        cycle_ms: int,
+        reported: Callable[[Trip, int], None],
+        only_report: frozenset[MonitorName] = frozenset(),
+    ) -> None:
         self._model = model
-        self._t1 = operation_mode is OperationMode.T1
-        self._no_news_mm_s = 0.0
+        self._reported = reported
+        self._only_report = only_report
+        self._set_point: dict[MonitorName, SetPointMonitor] = {
+            MonitorName.AXIS_RANGE: AxisRangeMonitor(limits),
+            MonitorName.AXIS_VELOCITY: AxisVelocityMonitor(limits),
+            MonitorName.STEP_SIZE: StepSizeMonitor(limits, cycle_ms=cycle_ms),
+        }
+        self._commanded_t1 = FlangeSpeedMonitor(model, limit_mm_s=safety.t1_flange_speed_mm_s)
+        self._fresh = FreshStateMonitor(cycle_ms=cycle_ms)
+        self._tracking = TrackingMonitor(limit_rad=safety.tracking_rad)
+        self._torque = AxisTorqueMonitor(limits, cycle_ms=cycle_ms)
+        self._measured_t1 = FlangeSpeedMonitor(model, limit_mm_s=safety.t1_flange_speed_mm_s)
+        self._legal: SetPoint | None = None
+        self.t1 = False
+        self.margins = {
+            **{name: monitor.margin for name, monitor in self._set_point.items()},
+            MonitorName.COMMANDED_T1: self._commanded_t1.margin,
+            MonitorName.FRESH: self._fresh.margin,
+            MonitorName.TRACKING: self._tracking.margin,
+            MonitorName.AXIS_TORQUE: self._torque.margin,
+            MonitorName.MEASURED_T1: self._measured_t1.margin,
+        }
         self.max_flange_speed_mm_s = 0.0
 
-    def set_point(self, set_point: SetPoint) -> Fault | None:
-        """Check a set point that is about to be handed to the backend."""
-        moving = False
-        for axis, velocity in enumerate(set_point.velocity_rad_s):
-            # An axis that does not move is where it was found legal before; not a number is not zero.
-            if velocity == 0.0:
-                continue
-            moving = True
-            position = set_point.position_rad[axis]
-            low, high, fastest = self._axes[axis]
-            if not low <= position <= high:
-                return Fault(
-                    _OUT_OF_RANGE,
-                    f"set point of {JOINT_NAMES[axis]} {position:.4f} rad is outside {low:.4f}..{high:.4f} rad",
-                )
-            if not -fastest <= velocity <= fastest:
-                return Fault(
-                    ErrorReason.SPEED_LIMIT,
-                    f"set point of {JOINT_NAMES[axis]} moves {velocity:+.4f} rad/s, its limit is {fastest:.4f} rad/s",
-                )
-        if self._t1 and moving:
-            flange = self._model.flange_speed_mm_s(set_point.position_rad, set_point.velocity_rad_s)
-            if flange > T1_SPEED_LIMIT_MM_S:
-                return Fault(ErrorReason.COMMANDED_T1, _faster_than_t1(flange))
+    def set_point(self, set_point: SetPoint, before: SetPoint, *, now_ns: int) -> Trip | None:
+        """Check a set point that is about to be handed to the backend, after ``before``."""
+        if set_point is self._legal is before:
+            return None
+        position, velocity, acceleration = set_point
+        if not math.isfinite(sum(position) + sum(velocity) + sum(acceleration)):
+            return Trip(MonitorName.FINITE, Fault(ErrorReason.INVALID_INPUT_VALUES, "a set point is not finite"))
+        for name, monitor in self._set_point.items():
+            fault = monitor.check(set_point, before, now_ns)
+            if fault is not None and (trip := self._tripped(name, fault, now_ns)) is not None:
+                return trip
+        if self.t1 and (words := self._commanded_t1.too_fast(position, velocity, now_ns=now_ns)):
+            trip = self._tripped(MonitorName.COMMANDED_T1, Fault(ErrorReason.COMMANDED_T1, words), now_ns)
+            if trip is not None:
+                return trip
+        self._legal = set_point
         return None
 
-    def measured(self, state: ArmState) -> Fault | None:
-        """Check the measured state, and keep the largest flange speed."""
-        if not math.isfinite(sum(state.position_rad)):
-            return _NOT_FINITE
-        # The exact speed matters only where it could be a new maximum or over the limit.
-        if self._model.flange_speed_bound_mm_s(state.velocity_rad_s) <= self._no_news_mm_s:
-            return None
-        speed = self._model.flange_speed_mm_s(state.position_rad, state.velocity_rad_s)
-        if not math.isfinite(speed):
-            return _NOT_FINITE
+    def measured(self, state: ArmState, told: SetPoint, *, drives_hold: bool, now_ns: int) -> Trip | None:
+        """Check the measured state after ``told``, the set point of the cycle before.
+
+        Without ``drives_hold`` nothing follows that set point, and only the state itself is looked at.
+        """
+        position, velocity, torque = state.position_rad, state.velocity_rad_s, state.commanded_torque_nm
+        if not math.isfinite(sum(position) + sum(velocity) + sum(torque)):
+            return Trip(MonitorName.STATE, Fault(NOT_FINITE))
+        name, fault = MonitorName.FRESH, self._fresh.check(state, now_ns)
+        if fault is None and drives_hold:
+            name, fault = MonitorName.TRACKING, self._tracking.check(state, told, now_ns)
+            if fault is None:
+                name, fault = MonitorName.AXIS_TORQUE, self._torque.check(state, now_ns)
+        if fault is not None and (trip := self._tripped(name, fault, now_ns)) is not None:
+            return trip
+        if words := self._too_fast(position, velocity, now_ns):
+            return self._tripped(MonitorName.MEASURED_T1, Fault(ErrorReason.MEASURED_T1, words), now_ns)
+        return None
+
+    def report(self) -> dict[str, dict[str, object]]:
+        """Return what was used of each limit, for the status file."""
+        return report(self.margins, main_axis=self._model.main_axis)
+
+    def _too_fast(self, position: Seven, velocity: Seven, now_ns: int) -> str:
+        # The largest speed of a run is a figure of every mode, so the speed is worked out for a new maximum too.
+        if self._model.flange_speed_bound_mm_s(velocity) <= self.max_flange_speed_mm_s:
+            return self._measured_t1.too_fast(position, velocity, now_ns=now_ns) if self.t1 else ""
+        speed = self._model.flange_speed_mm_s(position, velocity)
         self.max_flange_speed_mm_s = max(self.max_flange_speed_mm_s, speed)
-        self._no_news_mm_s = min(self.max_flange_speed_mm_s, T1_SPEED_LIMIT_MM_S if self._t1 else math.inf)
-        if self._t1 and speed > T1_SPEED_LIMIT_MM_S:
-            return Fault(ErrorReason.MEASURED_T1, _faster_than_t1(speed))
+        return self._measured_t1.judge(speed, position, velocity, now_ns=now_ns) if self.t1 else ""
+
+    def _tripped(self, monitor: MonitorName, fault: Fault, now_ns: int) -> Trip | None:
+        trip = Trip(monitor, fault)
+        if monitor not in self._only_report:
+            return trip
+        self._reported(trip, now_ns)
         return None
-
-    @staticmethod
-    def tracking(state: ArmState, set_point: SetPoint) -> Fault | None:
-        """Check how far the measured axes are from the set point they were given in the cycle before."""
-        worst = max(map(abs, map(sub, state.position_rad, set_point.position_rad)))
-        if worst <= TRACKING_LIMIT_RAD:
-            return None
-        off = [there - here for there, here in zip(set_point.position_rad, state.position_rad, strict=True)]
-        axis = max(range(len(off)), key=lambda place: abs(off[place]))
-        return Fault(
-            ErrorReason.TRACKING_ERROR,
-            f"{JOINT_NAMES[axis]} is {off[axis]:+.4f} rad off its set point, {TRACKING_LIMIT_RAD:g} rad are allowed",
-        )
-
-
-def _faster_than_t1(speed_mm_s: float) -> str:
-    return f"{speed_mm_s:.2f} mm/s, the limit is {T1_SPEED_LIMIT_MM_S:g} mm/s"

@@ -88,4 +88,9 @@ class Door:
                 f"watchdog {hello.watchdog_ms} ms is outside {lowest_ms}..{MAX_WATCHDOG_MS} ms "
                 f"(at least {MIN_WATCHDOG_MS} ms and three state periods)"
             )
+        if hello.latency_budget_ms and not 3 * hello.state_period_ms <= hello.latency_budget_ms <= hello.watchdog_ms:
+            return (
+                f"latency budget {hello.latency_budget_ms} ms is outside {3 * hello.state_period_ms}.."
+                f"{hello.watchdog_ms} ms (three state periods .. watchdog)"
+            )
         return ""

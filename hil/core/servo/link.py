@@ -21,6 +21,7 @@ from hil.values.arm import ArmState
 from hil.values.errors import MalformedDatagram
 from hil.values.link import Address, Outgoing
 from hil.values.motion import Fault
+from hil.values.operator import OperatorView
 from hil.values.outcomes import SERVO_DROPS, Outcome
 from hil.values.robot import Seven
 from hil.values.servo import (
@@ -60,7 +61,6 @@ class ServoLink:
         emit: Callable[[Event], None],
         failed: Callable[[Fault, int], None],
     ) -> None:
-        self._operation_mode = settings.operation_mode
         self._codec = codec
         self._executive = executive
         self._emit = emit
@@ -106,7 +106,7 @@ class ServoLink:
             self.counters.accepted()
             return
         session = self._session_of(packet, sender, now_ns)
-        if session is None or not self._in_order(session, packet.sequence, now_ns):
+        if session is None or not self._in_order(session, packet, now_ns):
             return
         self.counters.accepted()
         if isinstance(packet, Goodbye):
@@ -118,17 +118,14 @@ class ServoLink:
         """Once a cycle: end silent sessions, do what the commander asks. ``barred`` says why no motion may start."""
         self._measured_rad = measured_rad
         for session in self._sessions.overdue(now_ns=started_ns):
-            silent_ms = session.silent_ns(now_ns=started_ns) / 1e6
-            reason = f"silent for {silent_ms:.0f} ms, the watchdog allows {session.watchdog_ns / 1e6:g} ms"
-            self._end(session, reason, now_ns)
+            self._end(session, session.overdue_because(now_ns=started_ns), now_ns)
         circumstances = Circumstances(measured_rad, now_ns, self._closed_because or barred)
         for session in self._sessions:
             if session.inbox:
-                inbox, session.inbox = session.inbox, []
-                for arrived_ns, request in inbox:
+                for arrived_ns, request in self._requests.ready(session.inbox):
                     self._do(session, request, arrived_ns, circumstances)
 
-    def outgoing(self, arm: ArmState, *, cycle: int, now_ns: int) -> list[Outgoing]:
+    def outgoing(self, arm: ArmState, *, operator: OperatorView, cycle: int, now_ns: int) -> list[Outgoing]:
         """Return the packets of this cycle: answers to hellos, and the state for every session it is due for."""
         active = self._executive.applications.active
         if active is not None:
@@ -141,12 +138,13 @@ class ServoLink:
                 shown = snapshot(
                     arm=arm,
                     executive=self._executive,
-                    operation_mode=self._operation_mode,
+                    operator=operator,
                     commander=self.commander,
                     cycle=cycle,
                     now_ns=now_ns,
                 )
             session.state_sequence += 1
+            session.latency.sent(session.state_sequence, at_ns=now_ns)
             state = State(
                 session.token,
                 session.state_sequence,
@@ -210,15 +208,19 @@ class ServoLink:
         self._emit(ApplicationJoined(now_ns, str(offer), offer.role))
         return offer
 
-    def _in_order(self, session: Session, sequence: int, now_ns: int) -> bool:
+    def _in_order(self, session: Session, packet: Command | Goodbye, now_ns: int) -> bool:
         # Newest wins: whatever an overtaken packet carried and is not done yet, a later one carries too.
-        if sequence > session.sequence:
-            session.sequence = sequence
-            session.heard_ns = max(session.heard_ns, now_ns)
-            return True
-        outcome = Outcome.DUPLICATE if sequence == session.sequence else Outcome.REORDERED
-        self._drop(outcome, f"packet {sequence} of {session} after {session.sequence}", now_ns)
-        return False
+        sequence = packet.sequence
+        if sequence <= session.sequence:
+            outcome = Outcome.DUPLICATE if sequence == session.sequence else Outcome.REORDERED
+            self._drop(outcome, f"packet {sequence} of {session} after {session.sequence}", now_ns)
+            return False
+        session.sequence = sequence
+        if isinstance(packet, Command) and (late := session.latency.late(packet.reflected_sequence, now_ns=now_ns)):
+            self._drop(Outcome.LATE, f"packet {sequence} of {session} {late}", now_ns)
+            return False
+        session.heard_ns = max(session.heard_ns, now_ns)
+        return True
 
     def _command(self, session: Session, command: Command, now_ns: int) -> None:
         session.reports.seen(command.reports_seen)

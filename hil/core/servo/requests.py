@@ -3,7 +3,9 @@
 A refusal of the manual's carries its text (chapters 10.2 and 10.3); where the manual has none, a sentence of ours.
 """
 
-from collections.abc import Callable, Mapping
+import itertools
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Final, NamedTuple
 
 from hil.core.motion.application_motion import ApplicationMotion, MotionBasis
@@ -59,6 +61,23 @@ class RequestHandler:
     def handle(self, request: Request, *, arrived_ns: int, circumstances: Circumstances) -> Answer:
         """Do what ``request``, which arrived at ``arrived_ns``, asks for; return what became of it."""
         return self._handlers[type(request)](request, arrived_ns, circumstances)
+
+    def ready(self, inbox: deque[tuple[int, Request]]) -> Iterator[tuple[int, Request]]:
+        """Take what can be done now out of ``inbox``, in its order.
+
+        A destination of a paused motion that waits for the end of the pause waits (manual 9.1.2), and so does what
+        came after it, unless the motion is stopped by then, or told not to wait: a newer destination replaces it.
+        """
+        while inbox:
+            _, request = inbox[0]
+            if isinstance(request, SetDestination) and self._waits(request.motion, inbox):
+                return
+            yield inbox.popleft()
+
+    def _waits(self, number: int, inbox: Iterable[tuple[int, Request]]) -> bool:
+        """Whether the first request of ``inbox``, a destination for the motion ``number``, has to wait."""
+        entry = self._executive.applications.find(number) if self._executive.paused else None
+        return entry is not None and entry.motion.parameters.wait_for_pause and not _released(number, inbox)
 
     def _start(self, request: StartMotion, _arrived_ns: int, circumstances: Circumstances) -> Answer:
         if circumstances.barred:
@@ -116,3 +135,13 @@ class RequestHandler:
     def _fail(self, entry: Entry, fault: Fault, now_ns: int) -> None:
         if self._executive.fail_application_motion(fault, now_ns=now_ns, number=entry.number):
             self._failed(fault, now_ns)
+
+
+def _released(number: int, inbox: Iterable[tuple[int, Request]]) -> bool:
+    """Whether something behind the first request ends its wait: a newer destination, a stop, or waiting no more."""
+    for _, later in itertools.islice(inbox, 1, None):
+        if isinstance(later, StopMotion | SetDestination) and later.motion == number:
+            return True
+        if isinstance(later, SetRuntimeParameters) and later.motion == number and later.wait_for_pause is False:
+            return True
+    return False

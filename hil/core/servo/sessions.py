@@ -9,6 +9,7 @@ from collections import OrderedDict, deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from hil.core.servo.latency import LatencyBudget
 from hil.core.servo.reports import ReportLog
 from hil.core.settings import NS_PER_MS
 from hil.values.link import Address
@@ -32,6 +33,7 @@ class Session:
     watchdog_ns: int
     state_period_cycles: int
     heard_ns: int
+    latency: LatencyBudget
     sequence: int = 0
     """Sequence number of the client's newest packet."""
     state_sequence: int = 0
@@ -40,8 +42,8 @@ class Session:
     last_request: int = 0
     """Number of the last request put into the inbox."""
     requests_done: int = 0
-    inbox: list[tuple[int, Request]] = field(default_factory=list)
-    """Requests with the time they arrived at."""
+    inbox: deque[tuple[int, Request]] = field(default_factory=deque)
+    """Requests with the time they arrived at; what waits for a pause to end stays here."""
     reports: ReportLog = field(default_factory=ReportLog)
 
     label: str = field(init=False)
@@ -56,6 +58,19 @@ class Session:
     def silent_ns(self, *, now_ns: int) -> int:
         """Return how long nothing was heard of the client."""
         return now_ns - self.heard_ns
+
+    def overdue_because(self, *, now_ns: int) -> str:
+        """Return in words what the watchdog found: the newest packet that counted, its age, and by how much."""
+        silent_ms, watchdog_ms = self.silent_ns(now_ns=now_ns) / 1e6, self.watchdog_ns / 1e6
+        text = (
+            f"silent for {silent_ms:.0f} ms, the watchdog allows {watchdog_ms:g} ms "
+            f"({silent_ms - watchdog_ms:.1f} ms too long)"
+        )
+        if self.latency.late_in_a_row:
+            text += f"; its last {self.latency.late_in_a_row} packets came, but late: {self.latency.last_late}"
+        elif self.sequence:
+            text += f"; packet {self.sequence} was its last"
+        return text
 
 
 class TokenSource:
@@ -109,6 +124,7 @@ class SessionTable:
             watchdog_ns=hello.watchdog_ms * NS_PER_MS,
             state_period_cycles=max(1, hello.state_period_ms // self._cycle_ms),
             heard_ns=now_ns,
+            latency=LatencyBudget(budget_ns=(hello.latency_budget_ms or hello.watchdog_ms) * NS_PER_MS),
         )
         self._offers[key] = session
         self._offered[session.token] = key

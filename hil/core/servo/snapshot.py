@@ -3,8 +3,8 @@
 from hil.core.motion.executive import MotionExecutive
 from hil.core.motion.queue import Entry
 from hil.values.arm import ArmState
-from hil.values.fri import OperationMode
 from hil.values.motion import MotionPhase
+from hil.values.operator import OperatorView
 from hil.values.servo import MotionState, Snapshot
 
 
@@ -12,7 +12,7 @@ def snapshot(
     *,
     arm: ArmState,
     executive: MotionExecutive,
-    operation_mode: OperationMode,
+    operator: OperatorView,
     commander: str,
     cycle: int,
     now_ns: int,
@@ -21,18 +21,26 @@ def snapshot(
     return Snapshot(
         now_ns,
         cycle,
-        operation_mode,
+        operator,
         arm.position_rad,
         executive.set_point.position_rad,
         arm.torque_nm,
         arm.external_torque_nm,
         commander,
-        tuple([_motion_state(entry, phase, now_ns) for entry, phase in executive.applications.phases()]),
+        tuple(
+            [
+                _motion_state(entry, phase, executive.override, now_ns)
+                for entry, phase in executive.applications.phases(may_begin=not executive.paused)
+            ]
+        ),
     )
 
 
-def _motion_state(entry: Entry, phase: MotionPhase, now_ns: int) -> MotionState:
+def _motion_state(entry: Entry, phase: MotionPhase, override: float, now_ns: int) -> MotionState:
     motion, accounting = entry.motion, entry.motion.accounting
+    remaining_s = motion.remaining_s(now_ns=now_ns) if entry.begun else 0.0
+    if 0.0 < override < 1.0:
+        remaining_s /= override
     return MotionState(
         entry.number,
         motion.kind,
@@ -40,7 +48,7 @@ def _motion_state(entry: Entry, phase: MotionPhase, now_ns: int) -> MotionState:
         motion.interpolator,
         motion.destination or (),
         motion.destination_at_ns,
-        motion.remaining_s(now_ns=now_ns) if entry.begun else 0.0,
+        remaining_s,
         motion.goals_reached,
         accounting.received,
         accounting.superseded,

@@ -1,0 +1,47 @@
+"""Whether the drives hold the arm: dropped and switched on as the operator's side asks for it."""
+
+from hil.values.arm import ArmState, Backend
+from hil.values.fri import DriveState
+from hil.values.operator import StopCategory
+
+_ACTIVE = DriveState.ACTIVE
+
+
+class Drives:
+    """The drives of one arm. A robot side that cannot switch them keeps them on: then such stops brake and hold."""
+
+    def __init__(self, backend: Backend) -> None:
+        self._backend = backend
+        self._switches = backend.capabilities.switches_drives
+        self._state = _ACTIVE
+        self.dropped = False
+        """Whether they were dropped from here, and are not asked for again."""
+        self.hold = True
+        """Whether all of them are active: what they are told counts."""
+
+    def read(self, arm: ArmState) -> DriveState | None:
+        """Look at the measured state; return the state of the drives if it is another one than before."""
+        states = arm.drive_states
+        # All seven are alike but in a robot side that fails: the worst of them counts.
+        state = states[0] if states.count(states[0]) == len(states) else min(states)
+        self.hold = state is _ACTIVE
+        if state is self._state:
+            return None
+        self._state = state
+        return state
+
+    def follow(self, category: StopCategory | None, *, stands: bool) -> None:
+        """Drop the drives as ``category`` says, at once or when the arm ``stands``; None: switch them on."""
+        if not self._switches:
+            return
+        drop = category is StopCategory.DROP or (category is StopCategory.BRAKE_AND_DROP and stands)
+        if drop and not self.dropped:
+            self.dropped = True
+            self._backend.switch_drives(on=False)
+        elif category is None and self.dropped:
+            self.dropped = False
+            self._backend.switch_drives(on=True)
+
+    def waits_because(self) -> str:
+        """Return why nothing may move, as far as the drives are concerned; empty when they hold the arm."""
+        return "" if self.hold else f"the drives are {self._state.name}"

@@ -1,0 +1,241 @@
+"""What stands over the motions: the operator's side, the drives, the monitors, and the stops they make of it.
+
+It is the only one who ends a motion for a reason that is not the application's, and it never begins one: motions go on
+by themselves once nothing speaks against it any more.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+from hil.core.events import ArmStopped, DrivesChanged, Event, OperatorActed
+from hil.core.model import ArmModel
+from hil.core.motion.executive import MotionExecutive, Phase
+from hil.core.motion.flange_limit import FlangeLimit
+from hil.core.motion.set_point import SetPoint
+from hil.core.safety.drives import Drives
+from hil.core.safety.margins import closest
+from hil.core.safety.monitors import PERMISSIVE, Monitors, Trip
+from hil.core.safety.operator import EMERGENCY_STOP, Operator, checked, describe
+from hil.core.safety.would_stop import WouldStopLog
+from hil.core.settings import ControllerSettings
+from hil.values.arm import ArmState, Backend
+from hil.values.errors import ConfigurationError
+from hil.values.fri import OperationMode
+from hil.values.motion import ErrorReason, Fault
+from hil.values.operator import OperatorAction, OperatorView, PadKey, Press, ProgramState, SelectMode, StopCategory
+from hil.values.robot import JOINT_NAMES, JointLimits
+
+MAX_STOPS: Final = 1000
+MOVED_RAD: Final = 2e-3
+"""How far an arm may be off a paused motion that goes on with drives that were dropped meanwhile. Ours."""
+
+
+class Supervisor:
+    """Stops, pauses and resumes one arm. ``emit`` takes events.
+
+    Raises :class:`ConfigurationError` for monitors that only report over a robot side that moves real drives.
+    """
+
+    def __init__(
+        self,
+        *,
+        settings: ControllerSettings,
+        limits: JointLimits,
+        model: ArmModel,
+        backend: Backend,
+        motion: MotionExecutive,
+        emit: Callable[[Event], None],
+    ) -> None:
+        safety = settings.safety
+        if safety.permissive and backend.capabilities.moves_real_drives:
+            raise ConfigurationError("permissive monitors only report, and this robot side moves real drives")
+        self._motion = motion
+        self._emit = emit
+        self._operator = Operator(mode=settings.operation_mode, enabled=settings.enabled, permissive=safety.permissive)
+        self._would_stop = WouldStopLog(emit)
+        self.monitors = Monitors(
+            limits=limits,
+            model=model,
+            safety=safety,
+            cycle_ms=settings.cycle_ms,
+            reported=self._would_stop.add,
+            only_report=PERMISSIVE if safety.permissive else frozenset(),
+        )
+        self.flange = FlangeLimit(model.flange_speed_mm_s)
+        """What a PTP has to plan for."""
+        self._t1_flange_speed_mm_s = safety.t1_flange_speed_mm_s
+        self.drives = Drives(backend)
+        self._dropped_in_pause = False
+        self._ran_under: OperatorView | None = None
+        """View under which motions run and all is done that it asks for; None while something is still to be done."""
+        self.end_overlay: Callable[[Fault, int], None] = lambda _fault, _now_ns: None
+        """Told of every end of all motions; the FRI link leaves commanding then."""
+        self.stops: deque[ArmStopped] = deque(maxlen=MAX_STOPS)
+        self._turn_selector()
+
+    @property
+    def view(self) -> OperatorView:
+        """What the pad shows."""
+        return self._operator.view
+
+    @property
+    def bars_motions(self) -> str:
+        """Return why no motion may even wait: a stop that was not acknowledged; empty when there is none."""
+        return self._operator.view.reason if self._operator.stop is not None else ""
+
+    @property
+    def closest(self) -> str:
+        """Smallest margin of the run so far, in words."""
+        return closest(self.monitors.report())
+
+    def operate(self, action: OperatorAction, *, commanding: bool, now_ns: int) -> str:
+        """Do what the operator did; ``commanding``: an FRI client is. Return why that changes nothing, or nothing."""
+        refusal = checked(action) or self._operate(action, commanding, now_ns)
+        self._emit(OperatorActed(now_ns, describe(action), self._operator.view, refusal))
+        return refusal
+
+    def read(self, arm: ArmState, *, now_ns: int) -> None:
+        """Look at the drives of a measured state."""
+        state = self.drives.read(arm)
+        if state is not None:
+            self._emit(DrivesChanged(now_ns, state))
+
+    def follow_operator(self, arm: ArmState, *, commanding: bool, closing: bool, now_ns: int) -> str:
+        """Once a cycle: pause and resume, drop and switch on the drives; return why nothing may move, or nothing."""
+        operator, motion, drives = self._operator, self._motion, self.drives
+        if operator.view is self._ran_under and drives.hold:
+            return ""
+        waits = operator.view.reason or drives.waits_because()
+        if waits:
+            if not motion.paused:
+                motion.pause(now_ns=now_ns)
+            if commanding or motion.phase is Phase.OVERLAY:
+                self.stop(Fault("paused", waits), now_ns)
+        elif motion.paused and not closing:
+            self._resume(arm, now_ns)
+        stands = motion.stands
+        if stands and not self.monitors.t1 and operator.mode is OperationMode.T1:
+            self.monitors.t1 = True
+        drives.follow(operator.drops_drives, stands=stands)
+        if drives.dropped or not drives.hold:
+            self._dropped_in_pause = True
+            if motion.at_rest:
+                motion.follow(arm.position_rad)
+        runs = not (waits or motion.paused or drives.dropped)
+        t1_counts = self.monitors.t1 or operator.mode is not OperationMode.T1
+        self._ran_under = operator.view if runs and t1_counts else None
+        return waits
+
+    def check_set_point(self, set_point: SetPoint, *, now_ns: int) -> Trip | None:
+        """Return why a set point must not reach the arm, or None; what no drive follows is not checked."""
+        if self.drives.dropped:
+            return None
+        return self.monitors.set_point(set_point, self._motion.set_point, now_ns=now_ns)
+
+    def check_measured(self, arm: ArmState, told: SetPoint, *, now_ns: int) -> None:
+        """Stop for what the measured state shows; ``told`` is the set point of the cycle before."""
+        holds = self.drives.hold and not self.drives.dropped
+        trip = self.monitors.measured(arm, told, drives_hold=holds, now_ns=now_ns)
+        if trip is not None:
+            self.stop(trip.fault, now_ns, trip.category)
+
+    def stop(self, fault: Fault, now_ns: int, category: StopCategory | None = None) -> bool:
+        """End all motions for ``fault``; return whether the arm began to brake with it.
+
+        With a category it is a stop that must be acknowledged; else an end of the motion that asks for a new one.
+        """
+        news = category is not None and self._operator.stopped(category, fault)
+        braking = self._end_motions(fault, now_ns, drop=category is StopCategory.DROP)
+        if braking or news:
+            self.note_stop(fault, now_ns, category)
+        return braking
+
+    def note_stop(self, fault: Fault, now_ns: int, category: StopCategory | None = None) -> None:
+        """Book that the arm brakes on its own, or is stopped."""
+        stop = ArmStopped(now_ns, category, str(fault))
+        self.stops.append(stop)
+        self._emit(stop)
+
+    def report(self) -> dict[str, object]:
+        """Return stops, operator's side and margins, for the status file."""
+        margins = self.monitors.report()
+        return {
+            "stops": [
+                {
+                    "at_s": round(stop.at_ns / 1e9, 6),
+                    "category": None if stop.category is None else stop.category.value,
+                    "reason": stop.reason,
+                }
+                for stop in self.stops
+            ],
+            "operator": operator_report(self.view),
+            "margins": margins,
+            "closest": closest(margins),
+            "would_have_stopped": dict(self._would_stop.counts),
+            "max_flange_speed_mm_s": self.monitors.max_flange_speed_mm_s,
+        }
+
+    def _operate(self, action: OperatorAction, commanding: bool, now_ns: int) -> str:
+        operator = self._operator
+        if isinstance(action, Press):
+            pressed_before = operator.view.program is ProgramState.EMERGENCY_STOP
+            refusal = operator.press(action.key)
+            if action.key is PadKey.EMERGENCY_STOP and not pressed_before:
+                self._stopped_by_operator(Fault(EMERGENCY_STOP), now_ns)
+            return refusal
+        if isinstance(action, SelectMode):
+            fault = operator.select(action.mode, moving=commanding or not self._motion.at_rest)
+            if fault is not None:
+                self._stopped_by_operator(fault, now_ns)
+            self._turn_selector()
+            return ""
+        operator.set_override(action.percent)
+        self._motion.set_override(action.percent / 100.0)
+        return ""
+
+    def _stopped_by_operator(self, fault: Fault, now_ns: int) -> None:
+        self._end_motions(fault, now_ns)
+        self.note_stop(fault, now_ns, StopCategory.BRAKE_AND_DROP)
+
+    def _turn_selector(self) -> None:
+        t1 = self._operator.mode is OperationMode.T1
+        self.flange.limit_mm_s = self._t1_flange_speed_mm_s if t1 else None
+        # What still brakes from a faster mode is not judged by T1: it would be braked within one cycle.
+        self.monitors.t1 = t1 and self._motion.stands
+
+    def _resume(self, arm: ArmState, now_ns: int) -> None:
+        """Let motions go on, unless the arm was moved meanwhile."""
+        motion = self._motion
+        if self._dropped_in_pause and motion.phase is Phase.APPLICATION:
+            wanted = motion.set_point.position_rad
+            off = [here - there for here, there in zip(arm.position_rad, wanted, strict=True)]
+            axis = max(range(len(off)), key=lambda place: abs(off[place]))
+            if abs(off[axis]) > MOVED_RAD:
+                detail = f"{JOINT_NAMES[axis]} was moved by {off[axis]:+.4f} rad while its drives were off"
+                self.stop(Fault(ErrorReason.TRACKING_ERROR, detail), now_ns, StopCategory.BRAKE_AND_DROP)
+                return
+        self._dropped_in_pause = False
+        motion.resume(now_ns=now_ns)
+
+    def _end_motions(self, fault: Fault, now_ns: int, *, drop: bool = False) -> bool:
+        braking = False
+        if drop:
+            self._motion.drop(fault, now_ns=now_ns)
+        else:
+            braking = self._motion.brake(fault, now_ns=now_ns)
+        self.end_overlay(fault, now_ns)
+        return braking
+
+
+def operator_report(view: OperatorView) -> dict[str, object]:
+    """Return what the pad shows, for the status file and the pad itself."""
+    return {
+        "mode": view.mode.name,
+        "program": view.program.name,
+        "enabling": view.enabling,
+        "override_percent": view.override_percent,
+        "safety_state": view.safety_state.name,
+        "reason": view.reason,
+        "permissive": view.permissive,
+    }
