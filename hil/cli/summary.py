@@ -21,6 +21,13 @@ def print_summary(status: dict[str, Any]) -> None:
     console.print(table)
     for name, robot in robots.items():
         _print_history(console, name, robot)
+    for name, robot in robots.items():
+        if robot["operator"]["permissive"]:
+            counts = ", ".join(f"{monitor} {count}" for monitor, count in robot["would_have_stopped"].items())
+            console.print(
+                f"[bold red]{escape(name)}: PERMISSIVE: the monitors only reported; cycles they would have stopped "
+                f"the arm in: {escape(counts) or 'none'}[/bold red]"
+            )
     if (capture := status["capture"]) is not None:
         console.print(f"capture {escape(capture['path'])}: {capture['written']} packets, {capture['dropped']} dropped")
         if capture["error"]:
@@ -37,6 +44,8 @@ def _figures(robot: dict[str, Any]) -> dict[str, str]:
         "lateness": _distribution(robot["lateness_us"]),
         "cycle": _distribution(robot["cycle_us"]),
         "max flange speed": f"{robot['max_flange_speed_mm_s']:.1f} mm/s",
+        "operator": _operator(robot["operator"]),
+        "closest margin": robot["closest"].removeprefix("closest to ") or "-",
         "stops": _stops(robot["stops"]),
     }
     if robot["session"] is not None:
@@ -63,10 +72,20 @@ def _servo_figures(servo: dict[str, Any]) -> dict[str, str]:
     }
 
 
+def _operator(operator: dict[str, Any]) -> str:
+    """Return mode, program and override at the end of the run."""
+    text = f"{operator['mode']}, {operator['program']}, override {operator['override_percent']:g} %"
+    return f"PERMISSIVE, {text}" if operator["permissive"] else text
+
+
 def _stops(stops: list[dict[str, Any]]) -> str:
-    """Return how often the arm braked, and why the last times."""
-    told = [f"{stop['at_s']:.3f} s: {escape(stop['reason'])}" for stop in stops[-_LAST_STOPS:]]
+    """Return how often the arm braked, and how and why the last times."""
+    told = [f"{stop['at_s']:.3f} s: {_category(stop)}{escape(stop['reason'])}" for stop in stops[-_LAST_STOPS:]]
     return "\n".join([str(len(stops)), *told])
+
+
+def _category(stop: dict[str, Any]) -> str:
+    return "" if stop["category"] is None else f"category {stop['category']}, "
 
 
 def _distribution(summary: dict[str, float | None]) -> str:

@@ -6,15 +6,26 @@ TEMPLATE = """\
 
 realtime = false              # ask for SCHED_FIFO, locked memory and a CPU
 # capture = "run.pcapng"      # record all packets
+# pad = "off"                 # socket of the operator's pad (hil pad), or off; default: one only you may open
 
 [[robot]]                     # repeat this section for more robots
 name = "arm"
 model = "lbr-iiwa-14-r820"    # lbr-iiwa-7-r800, lbr-iiwa-14-r820, lbr-med-7, lbr-med-14
 backend = "mujoco"            # mujoco, ideal
 mode = "AUT"                  # T1, T2, AUT
+enabled = false               # begin T1 and T2 with the enabling switch held and the start key pressed
 cycle_ms = 1                  # 1, 2, 4, 5
 overrun = "catch-up"          # catch-up, skip, fault: what happens to cycles that could not begin in time
 seed = 0                      # of the simulated sensor noise
+permissive = false            # monitors only report what would have stopped the arm; never with real drives
+
+[robot.limits]                # tighter than the robot's own; seven numbers each, A1 first
+t1_flange_speed_mm_s = 250.0  # at most 250
+# tracking_deg = 5.0          # of a measured axis from its set point, at most 5.7
+# position_min_deg = [-170, -120, -170, -120, -170, -120, -175]
+# position_max_deg = [170, 120, 170, 120, 170, 120, 175]
+# velocity_deg_s = [85, 85, 100, 75, 130, 135, 135]
+# torque_nm = [320, 320, 176, 176, 110, 40, 40]
 
 [robot.reaction]              # from a destination to the effective motion, for servo motions
 profile = "cabinet"           # cabinet: 22 ms SmartServo, 12 ms DirectServo; ideal: none

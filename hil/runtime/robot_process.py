@@ -5,8 +5,8 @@ from collections.abc import Callable
 from typing import Protocol
 
 from hil.config.station import Overrun, RobotConfig
-from hil.core.controller import FRI_LINK, Controller
-from hil.core.events import Event
+from hil.core.controller import FRI_LINK, Controller, operator_report
+from hil.core.events import DrivesChanged, Event
 from hil.core.servo.link import SERVO_LINK
 from hil.core.settings import NS_PER_MS
 from hil.runtime.assembly import LinkAddresses, RobotParts, make_controller, open_parts
@@ -15,7 +15,9 @@ from hil.runtime.measurements import RunMeasurements
 from hil.runtime.pacer import Pacer, Tick, open_pacer
 from hil.runtime.ports import FriPort, Port, ServoPort
 from hil.values.errors import BackendError
+from hil.values.fri import DriveState
 from hil.values.link import Address, Source
+from hil.values.operator import OperatorAction
 from transport.udp import Arrival, open_peer_endpoint, open_server_endpoint
 
 CATCH_UP_MOST = 20
@@ -62,6 +64,7 @@ class RobotProcess:
         self._fri_port: FriPort | None = None
         self._ports: dict[str, Port] = {}
         self._stopping = asyncio.Event()
+        self._drives = DriveState.ACTIVE
         self._period_ns = config.cycle_ms * NS_PER_MS
         self._epoch_ns = 0
         self._unix_epoch_ns = 0
@@ -72,6 +75,37 @@ class RobotProcess:
         if self._controller is None:
             raise BackendError(f"robot {self.config.name} was not started")
         return self._controller
+
+    @property
+    def moves_real_drives(self) -> bool:
+        """Whether the robot side does; known once it is open."""
+        return self._parts is not None and self._parts.backend.capabilities.moves_real_drives
+
+    def operate(self, action: OperatorAction) -> str:
+        """Do what the operator did, now; return why that changes nothing, or an empty text."""
+        return self.controller.operate(action, now_ns=self._clock.now_ns() - self._epoch_ns)
+
+    def operator_state(self) -> dict[str, object]:
+        """Return what the operator's pad shows; times in seconds of the core's axis."""
+        controller = self.controller
+        fri, servo, stops = controller.fri, controller.servo, controller.stops
+        stop = stops[-1] if stops else None
+        return {
+            **operator_report(controller.operator),
+            "drives": self._drives.name,
+            "session": None if fri is None else {"state": fri.state.name, "quality": fri.quality.name},
+            "commander": (servo.commander or None) if servo is not None else None,
+            "last_stop": None
+            if stop is None
+            else {
+                "at_s": round(stop.at_ns / 1e9, 6),
+                "category": None if stop.category is None else stop.category.value,
+                "reason": stop.reason,
+            },
+            "closest": controller.closest,
+            "time_s": round((self._clock.now_ns() - self._epoch_ns) / 1e9, 3),
+            "cycles": controller.ticks,
+        }
 
     def local_address(self, link: str) -> Address | None:
         """Return where a link is served from; None for a link this robot has not."""
@@ -167,6 +201,8 @@ class RobotProcess:
                 closing_cycles += 1
             await self._one_cycle(tick.due_ns, tick.lateness_ns)
             for event in self.controller.events():
+                if isinstance(event, DrivesChanged):
+                    self._drives = event.state
                 self._tell(self.config.name, event)
 
     async def _one_cycle(self, due_ns: int, lateness_ns: int) -> None:

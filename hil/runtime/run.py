@@ -18,6 +18,7 @@ from hil.core.servo.link import SERVO_LINK
 from hil.runtime.assembly import link_addresses
 from hil.runtime.clock import Clock, MonotonicClock, unix_time_ns
 from hil.runtime.console import Console
+from hil.runtime.operator_channel import OperatorChannel
 from hil.runtime.progress import progress_line
 from hil.runtime.realtime import Wish, ask_for_realtime
 from hil.runtime.robot_process import RobotProcess
@@ -27,6 +28,7 @@ from hil.version import VERSION
 if TYPE_CHECKING:
     from transport.capture.process import CaptureProcess, CaptureSummary
 
+NO_PAD = "off"
 START_DELAY_NS = 5_000_000
 """Between the decision to start and the first cycle, so that the first one is not late already."""
 
@@ -62,6 +64,7 @@ class _Run:
         self._console = Console()
         self._wishes: list[Wish] = []
         self._robots: list[RobotProcess] = []
+        self._pad: OperatorChannel | None = None
         self._epoch_ns = 0
 
     async def run(self) -> RunResult:
@@ -82,10 +85,16 @@ class _Run:
             self._robots = [self._robot(config, recorder) for config in self._station.robot]
             for robot in self._robots:
                 await robot.open()
+            self._pad = self._open_pad()
             self._wishes = ask_for_realtime() if self._station.realtime else []
             self._start()
+            if self._pad is not None:
+                await self._pad.serve()
+            self._say_start()
             fault = await self._serve()
         finally:
+            if self._pad is not None:
+                self._pad.close()
             for robot in self._robots:
                 robot.close()
             if recorder is not None:
@@ -108,8 +117,21 @@ class _Run:
             return None
         from transport.capture.process import CaptureProcess
 
-        comment = {"software": f"fri-hil {VERSION}", "station": self._station.model_dump(mode="json")}
+        comment: dict[str, object] = {
+            "software": f"fri-hil {VERSION}",
+            "station": self._station.model_dump(mode="json"),
+        }
+        if any(robot.permissive for robot in self._station.robot):
+            comment["permissive"] = True
         return CaptureProcess(self._station.capture, comment=json.dumps(comment))
+
+    def _open_pad(self) -> OperatorChannel | None:
+        if self._station.pad == NO_PAD:
+            return None
+        robots = {robot.config.name: robot for robot in self._robots}
+        pad = OperatorChannel(self._station.pad, robots, clock=self._clock)
+        pad.open()
+        return pad
 
     def _start(self) -> None:
         """Give all robots their time axes, spread over one millisecond so that their cycles do not collide."""
@@ -120,7 +142,17 @@ class _Run:
         for index, robot in enumerate(self._robots):
             phase_ns = index * 1_000_000 // len(self._robots)
             robot.start(unix_epoch_ns=unix_epoch_ns + phase_ns, epoch_ns=self._epoch_ns + phase_ns)
+
+    def _say_start(self) -> None:
+        for robot in self._robots:
             self._console.say(_serving(robot))
+            if robot.config.permissive:
+                self._console.say(f"{robot.config.name}: PERMISSIVE: the monitors only report, they stop nothing")
+            if reason := robot.controller.operator.reason:
+                unreachable = "" if self._pad is not None else "; there is no pad to do it with (--pad off)"
+                self._console.say(f"{robot.config.name}: nothing may move: {reason}{unreachable}")
+        if self._pad is not None:
+            self._console.say(f"pad: hil pad finds this controller at {self._pad.path}")
         for wish in self._wishes:
             self._console.say(f"realtime: {wish.what}: {'yes' if wish.granted else 'NOT GRANTED'}, {wish.detail}")
 
@@ -144,6 +176,8 @@ class _Run:
 
     def _tell(self, name: str, event: Event) -> None:
         self._console.say(f"[{event.at_ns / 1e9:9.3f} s] {name}: {event}")
+        if self._pad is not None:
+            self._pad.changed()
 
     def _say_progress(self) -> None:
         elapsed_s = (self._clock.now_ns() - self._epoch_ns) / 1e9
@@ -163,6 +197,7 @@ class _Run:
                 "dropped": capture.dropped,
                 "error": capture.error,
             },
+            "pad": None if self._pad is None else self._pad.report(),
             "robots": {robot.config.name: robot.report() for robot in self._robots},
         }
 

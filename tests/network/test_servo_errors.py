@@ -1,4 +1,6 @@
-"""Every error of the manual's chapter 10 that needs no Cartesian, T1, torque or impedance part, over real sockets.
+"""Every error of the manual's chapter 10 that needs no Cartesian or impedance part, over real sockets.
+
+Those of T1, torque and pausing are in ``test_safety_errors.py``.
 
 The controller's shell and the client share an event loop here, so that a robot side and an interpolator of the test's
 own can be behind the socket: that is the only way to an arm that cannot follow, and to the internal errors of an
@@ -7,8 +9,7 @@ interpolator that has none.
 
 import asyncio
 import math
-from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager
+from collections.abc import Callable
 
 import pytest
 from ruckig import InputParameter, Result, Ruckig, Synchronization, Trajectory
@@ -19,22 +20,15 @@ from hil.client.servo import (
     AsyncPTP,
     AsyncServoClient,
     AsyncSmartServo,
-    CommandInvalidException,
     ErrorReason,
     IllegalArgumentException,
     IllegalStateException,
 )
-from hil.config.station import Reaction, ReactionConfig, RobotConfig, ServoConfig
 from hil.core.motion import planner
-from hil.core.servo.link import SERVO_LINK
-from hil.runtime import robot_process
-from hil.runtime.assembly import RobotParts, link_addresses, open_parts
-from hil.runtime.clock import MonotonicClock, unix_time_ns
-from hil.runtime.robot_process import RobotProcess
 from hil.values.arm import JointCommand
 from hil.values.motion import MotionParameters
 from hil.values.servo import Request, RequestDone, RequestError, SetDestination
-from tests.support.processes import own_host
+from tests.support.controller_in_loop import connected, refused, start_position
 
 DEGREE = math.pi / 180
 NOT_ACTIVE = "waitForTransferred called prematurely - RealtimeMotion is not active"
@@ -45,45 +39,6 @@ class StuckArm(IdealBackend):
 
     def _write(self, command: JointCommand) -> None:
         super()._write(JointCommand(self._position, (0.0,) * 7))
-
-
-@asynccontextmanager
-async def connected() -> AsyncIterator[AsyncServoClient]:
-    """Run a controller in this event loop and a client that is connected to it over UDP."""
-    config = RobotConfig(
-        backend="ideal", servo=ServoConfig(bind=f"{own_host()}:0"), reaction=ReactionConfig(profile=Reaction.IDEAL)
-    )
-    process = RobotProcess(
-        config,
-        addresses=link_addresses(config),
-        clock=MonotonicClock(),
-        tell=lambda _, __: None,
-        recorder=None,
-        on_fault=lambda: process.stop(),  # noqa: PLW0108  # there is no process yet
-    )
-    await process.open()
-    process.start(unix_epoch_ns=unix_time_ns(), epoch_ns=MonotonicClock().now_ns())
-    running = asyncio.create_task(process.run())
-    try:
-        async with AsyncServoClient(str(process.local_address(SERVO_LINK)), name="errors", state_period_ms=2) as robot:
-            yield robot
-    finally:
-        process.stop()
-        await running
-        process.close()
-
-
-def start_position(robot: AsyncServoClient) -> tuple[float, ...]:
-    return robot.read_state().measured_position
-
-
-async def refused(what: Awaitable[object], reason: str) -> CommandInvalidException:
-    """Await what must fail with ``reason``, and compare the text word for word."""
-    with pytest.raises(CommandInvalidException) as caught:
-        await what
-    assert str(caught.value) == f"Command is no longer active, because {reason}"
-    assert caught.value.error_reason == reason
-    return caught.value
 
 
 Change = Callable[[tuple[float, ...]], tuple[float, ...]]
@@ -181,15 +136,8 @@ async def test_a_target_velocity_for_direct_servo_is_refused_at_the_call() -> No
         await runtime.set_destination(start)
 
 
-async def test_an_arm_that_cannot_follow(monkeypatch: pytest.MonkeyPatch) -> None:
-    def stuck(config: RobotConfig) -> RobotParts:
-        parts = open_parts(config)
-        arm = StuckArm(parts.description)
-        arm.open(period_ns=1_000_000)
-        return RobotParts(parts.description, parts.model, arm, parts.servo_codec)
-
-    monkeypatch.setattr(robot_process, "open_parts", stuck)
-    async with connected() as robot:
+async def test_an_arm_that_cannot_follow() -> None:
+    async with connected(arm=StuckArm) as robot:
         start = start_position(robot)
         motion = AsyncSmartServo((0.8, *start[1:]))
         await robot.move_async(motion)

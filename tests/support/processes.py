@@ -6,7 +6,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,16 +22,24 @@ def own_host() -> str:
     return f"127.{1 + os.getpid() % 250}.{number // 250}.{number % 250 + 2}"
 
 
-def hil(*arguments: object) -> "subprocess.Popen[str]":
-    """Start the command line; ``hil run`` without a servo link, whose default port all share, unless asked for one."""
-    if arguments[0] == "run" and "--servo" not in arguments:
-        arguments = (*arguments, "--servo", "off")
+def hil(
+    *arguments: object, environment: Mapping[str, str] | None = None, typed: bool = False
+) -> "subprocess.Popen[str]":
+    """Start the command line, with ``environment`` laid over ours; ``typed``: its input lasts until it is closed.
+
+    ``hil run`` without a servo link, whose default port all share, and without a pad, unless asked for one.
+    """
+    if arguments[0] == "run":
+        for link in ("--servo", "--pad"):
+            arguments = arguments if link in arguments else (*arguments, link, "off")
     return subprocess.Popen(
         [sys.executable, "-m", "hil.cli.main", *map(str, arguments)],
+        stdin=subprocess.PIPE if typed else subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         cwd=ROOT,
+        env=None if environment is None else {**os.environ, **environment},
     )
 
 

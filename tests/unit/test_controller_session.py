@@ -17,7 +17,6 @@ from hil.core.events import (
 )
 from hil.core.model import ArmModel
 from hil.core.motion.executive import MotionExecutive
-from hil.core.safety.monitors import Monitors
 from hil.core.settings import FriSettings
 from hil.values.errors import IllegalTransition
 from hil.values.fri import TRAITS, OperationMode, Quality, Release, SessionState

@@ -409,6 +409,17 @@ def test_the_controller_closes_from_every_state() -> None:
         assert application.bench.press(K.START) == ["the controller shuts down"]
 
 
+def test_a_stop_is_acknowledged_when_the_arm_stands_still() -> None:
+    application = joined(AUT)
+    moving(application)
+    assert application.bench.press(K.EMERGENCY_STOP, K.RESET) == [
+        "the arm still brakes; acknowledge the stop when it stands still"
+    ]
+    assert program(application.bench) is ProgramState.EMERGENCY_STOP
+    application.run(0.5)
+    assert application.bench.press(K.RESET, K.START) == []
+
+
 def test_what_the_operator_does_is_told_with_its_refusal() -> None:
     application = joined(T1, enabled=False)
     application.bench.press(K.START, K.ENABLE, K.START)

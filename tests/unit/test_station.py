@@ -1,15 +1,18 @@
 """Station files: the template is the defaults, and every mistake ends in one sentence that names it."""
 
+import math
+import re
 import tomllib
 from pathlib import Path
 
 import pytest
 
-from backends.robots import robot_names
+from backends.robots import load_description, robot_names
 from hil.cli.run import ServoOptions, station_of
+from hil.config.limits import LimitsConfig
 from hil.config.station import Station, load_station, parse_station
 from hil.config.template import TEMPLATE
-from hil.runtime.assembly import BACKENDS
+from hil.runtime.assembly import BACKENDS, open_parts, robot_description
 from hil.values.errors import ConfigurationError
 from hil.values.fri import Release
 
@@ -30,8 +33,20 @@ def test_the_template_is_the_defaults_and_names_every_choice() -> None:
         "joint-position",
         "cabinet",
         "ideal",
+        *LimitsConfig.model_fields,
+        "enabled = false",
+        "permissive = false",
+        'pad = "off"',
     ):
         assert choice in TEMPLATE
+
+
+def test_what_the_template_leaves_commented_is_valid_too() -> None:
+    text = re.sub(r"^# (\w+ = )", r"\1", TEMPLATE, flags=re.MULTILINE)
+    written = parse_station(tomllib.loads(text), where="template")
+    limits = written.robot[0].limits
+    assert limits.model_fields_set == set(LimitsConfig.model_fields)
+    assert limits.tighten(load_description(written.robot[0].model)) == load_description(written.robot[0].model)
 
 
 @pytest.mark.parametrize(
@@ -64,6 +79,21 @@ def test_the_template_is_the_defaults_and_names_every_choice() -> None:
         ),
         ("[[robot]]\nname = 5", "robot[1].name: Input should be a valid string, got 5"),
         ("robot = [", "is no TOML"),
+        ("[[robot]]\nenabled = 1", "robot[1].enabled: Input should be a valid boolean, got 1"),
+        ("[[robot]]\npermissive = 'yes'", "robot[1].permissive: Input should be a valid boolean, got 'yes'"),
+        ("pad = true\n[[robot]]", "pad: Input should be a valid string, got True"),
+        ("[[robot]]\n[robot.limits]\nspeed = 1", "robot[1].limits.speed: there is no such key"),
+        ("[[robot]]\n[robot.limits]\ntorque_nm = [1, 2]", "robot[1].limits.torque_nm: List should have at least 7"),
+        ("[[robot]]\n[robot.limits]\nvelocity_deg_s = [nan, 1, 1, 1, 1, 1, 1]", "velocity_deg_s[1]: Input should be"),
+        (
+            "[[robot]]\n[robot.limits]\nt1_flange_speed_mm_s = 250.1",
+            "robot[1].limits.t1_flange_speed_mm_s: Input should be less than or equal to 250, got 250.1",
+        ),
+        ("[[robot]]\n[robot.limits]\nt1_flange_speed_mm_s = 0", "t1_flange_speed_mm_s: Input should be greater than 0"),
+        (
+            "[[robot]]\n[robot.limits]\ntracking_deg = 6",
+            "tracking limit, rad 0.10472 is outside its range > 0 and <= 0.1",
+        ),
     ],
 )
 def test_a_bad_file_ends_in_one_sentence(tmp_path: Path, text: str, sentence: str) -> None:
@@ -103,38 +133,34 @@ def test_options_override_the_file(tmp_path: Path) -> None:
         robot={"mode": "T1"},
         fri={"send_period_ms": 4},
         servo=ServoOptions(),
-        capture=Path("c.pcapng"),
-        realtime=True,
+        process={"capture": Path("c.pcapng"), "realtime": True, "pad": "off"},
     )
     assert [robot.mode for robot in station.robot] == ["T1", "T1"]
     assert [robot.backend for robot in station.robot] == ["mujoco", "ideal"]
     assert [None if robot.fri is None else robot.fri.send_period_ms for robot in station.robot] == [4, None]
     assert station.capture == Path("c.pcapng")
     assert station.realtime
+    assert station.pad == "off"
 
 
 def test_an_address_cannot_be_that_of_two_robots(tmp_path: Path) -> None:
     file = tmp_path / "two.toml"
     file.write_text(TWO)
     with pytest.raises(ConfigurationError, match="has 2 robots, and --fri-client can be that of one only"):
-        station_of(
-            file, robot={}, fri={"client": "127.0.0.1:30200"}, servo=ServoOptions(), capture=None, realtime=False
-        )
+        station_of(file, robot={}, fri={"client": "127.0.0.1:30200"}, servo=ServoOptions(), process={})
 
 
 def test_fri_options_need_a_robot_with_fri(tmp_path: Path) -> None:
     file = tmp_path / "plain.toml"
     file.write_text("[[robot]]\n")
     with pytest.raises(ConfigurationError, match="has an FRI link for the FRI options; add --fri-client"):
-        station_of(file, robot={}, fri={"send_period_ms": 4}, servo=ServoOptions(), capture=None, realtime=False)
-    linked = station_of(
-        file, robot={}, fri={"client": "127.0.0.1:30203"}, servo=ServoOptions(), capture=None, realtime=False
-    )
+        station_of(file, robot={}, fri={"send_period_ms": 4}, servo=ServoOptions(), process={})
+    linked = station_of(file, robot={}, fri={"client": "127.0.0.1:30203"}, servo=ServoOptions(), process={})
     assert linked.robot[0].fri is not None
 
 
 def test_without_a_file_there_is_one_robot_with_fri() -> None:
-    station = station_of(None, robot={}, fri={}, servo=ServoOptions(), capture=None, realtime=False)
+    station = station_of(None, robot={}, fri={}, servo=ServoOptions(), process={})
     assert [(robot.name, robot.model, robot.backend) for robot in station.robot] == [
         ("arm", "lbr-iiwa-14-r820", "mujoco")
     ]
@@ -142,9 +168,9 @@ def test_without_a_file_there_is_one_robot_with_fri() -> None:
 
 
 def test_either_link_can_be_left_out() -> None:
-    no_fri = station_of(None, robot={}, fri={"client": "off"}, servo=ServoOptions(), capture=None, realtime=False)
+    no_fri = station_of(None, robot={}, fri={"client": "off"}, servo=ServoOptions(), process={})
     assert (no_fri.robot[0].fri, no_fri.robot[0].servo is None) == (None, False)
-    no_servo = station_of(None, robot={}, fri={}, servo=ServoOptions("off"), capture=None, realtime=False)
+    no_servo = station_of(None, robot={}, fri={}, servo=ServoOptions("off"), process={})
     assert (no_servo.robot[0].servo, no_servo.robot[0].fri is None) == (None, False)
     with pytest.raises(ConfigurationError, match="--fri-client off leaves nothing"):
         station_of(
@@ -152,6 +178,89 @@ def test_either_link_can_be_left_out() -> None:
             robot={},
             fri={"client": "off", "send_period_ms": 2},
             servo=ServoOptions(),
-            capture=None,
-            realtime=False,
+            process={},
         )
+
+
+def limits(**keys: object) -> LimitsConfig:
+    return LimitsConfig.model_validate(keys)
+
+
+def test_what_an_operator_begins_with_comes_from_file_and_options(tmp_path: Path) -> None:
+    plain = station_of(None, robot={}, fri={}, servo=ServoOptions(), process={})
+    assert (plain.pad, plain.robot[0].enabled, plain.robot[0].permissive) == (None, False, False)
+    given = station_of(
+        None, robot={"mode": "T1", "enabled": True, "permissive": True}, fri={}, servo=ServoOptions(), process={}
+    )
+    settings = given.robot[0].settings(unix_epoch_ns=0, fri_peer=None, servo=None)
+    assert (settings.enabled, settings.safety.permissive) == (True, True)
+    file = tmp_path / "pad.toml"
+    file.write_text('pad = "/run/arm.sock"\n[[robot]]\nenabled = true\npermissive = true\n')
+    kept = station_of(file, robot={}, fri={}, servo=ServoOptions(), process={})
+    assert (kept.pad, kept.robot[0].enabled, kept.robot[0].permissive) == ("/run/arm.sock", True, True)
+
+
+def test_limits_tighten_a_robot_and_leave_the_rest() -> None:
+    robot = load_description("lbr-iiwa-14-r820")
+    own = robot.limits
+    assert limits().tighten(robot) == robot
+    tighter = limits(
+        position_min_deg=[-10, -20, -30, -120, -170, -120, -175],
+        position_max_deg=[170, 120, 170, 50, 170, 120, 175],
+        velocity_deg_s=[10, 85, 100, 75, 130, 135, 135],
+        torque_nm=[320, 100, 176, 176, 110, 40, 40],
+    ).tighten(robot)
+    taken = tighter.limits
+    assert taken.position_min_rad[:3] == pytest.approx([math.radians(-value) for value in (10, 20, 30)])
+    assert taken.position_min_rad[3:] == own.position_min_rad[3:]
+    assert taken.position_max_rad[3] == pytest.approx(math.radians(50))
+    assert taken.velocity_rad_s == pytest.approx((math.radians(10), *own.velocity_rad_s[1:]))
+    assert list(taken.torque_nm) == [320.0, 100.0, 176.0, 176.0, 110.0, 40.0, 40.0]
+    assert taken.acceleration_rad_s2 == own.acceleration_rad_s2
+    assert robot.limits is own
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_a_robots_own_limits_in_round_degrees_change_nothing(name: str) -> None:
+    own = load_description(name).limits
+    same = limits(
+        position_min_deg=[round(math.degrees(value), 6) for value in own.position_min_rad],
+        position_max_deg=[round(math.degrees(value), 6) for value in own.position_max_rad],
+        velocity_deg_s=[round(math.degrees(value), 6) for value in own.velocity_rad_s],
+        torque_nm=list(own.torque_nm),
+    )
+    assert same.tighten(load_description(name)).limits == own
+
+
+@pytest.mark.parametrize(
+    ("keys", "sentence"),
+    [
+        ({"position_min_deg": [-171, -120, -170, -120, -170, -120, -175]}, "position_min_deg of A1 -171 is outside"),
+        ({"position_max_deg": [170, 120, 170, 120, 170, 120, 176]}, "<= 175, which is the robot's own"),
+        ({"velocity_deg_s": [85, 86, 100, 75, 130, 135, 135]}, "velocity_deg_s of A2 86 is outside"),
+        ({"velocity_deg_s": [85, 85, 0, 75, 130, 135, 135]}, "velocity_deg_s of A3 0 is outside its range > 0 and <="),
+        ({"torque_nm": [320, 320, 176, 176, 110, 40, 41]}, "a station tightens limits only"),
+        ({"torque_nm": [320, 320, 176, 176, 110, -1, 40]}, "torque_nm of A6 -1 is outside its range > 0 and <= 40"),
+        (
+            {"position_max_deg": [170, 29, 170, 120, 170, 120, 175]},
+            "limits of A2: lbr-iiwa-14-r820 begins at 30 degrees, which is outside -120 ... 29",
+        ),
+    ],
+)
+def test_what_widens_a_limit_or_leaves_out_the_start_is_refused(keys: dict[str, object], sentence: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        limits(**keys).tighten(load_description("lbr-iiwa-14-r820"))
+    assert sentence in str(caught.value)
+
+
+def test_limits_of_a_station_reach_the_robot_and_its_monitors() -> None:
+    station = parse_station(
+        {"robot": [{"limits": {"t1_flange_speed_mm_s": 100.0, "tracking_deg": 2.0, "torque_nm": [1.0] * 7}}]}, where="x"
+    )
+    config = station.robot[0]
+    assert robot_description(config).limits.torque_nm == (1.0,) * 7
+    safety = config.settings(unix_epoch_ns=0, fri_peer=None, servo=None).safety
+    assert safety.t1_flange_speed_mm_s == 100.0
+    assert safety.tracking_rad == pytest.approx(math.radians(2.0))
+    with pytest.raises(ConfigurationError, match="velocity_deg_s of A1 500 is outside"):
+        open_parts(config.model_copy(update={"limits": limits(velocity_deg_s=[500.0] * 7)}))

@@ -16,6 +16,8 @@ from hil.values.robot import JointLimits
 
 _LEAST_SHARE: Final = 0.1
 """Of the rated acceleration, what a change of tempo may use at least while the motion uses all of it itself."""
+_REALIGNING: Final = 0.005
+"""Share of its cycles a motion loses after a change of tempo, for a fifth of a second at most."""
 _SMALLEST_STEP: Final = 1e-6
 
 
@@ -69,18 +71,24 @@ class Tempo:
     def next(self, pull: Callable[[], SetPoint | Fault]) -> SetPoint | Fault:
         """Return the set point of this control cycle; ``pull`` gives that of the motion's next cycle."""
         self._change()
-        self._done += self.scale
+        self._done += self.scale if self.scale < 1.0 or self.target < 1.0 else 1.0 - self._lag()
         while self._done > 1.0:
             pulled = pull()
             if isinstance(pulled, Fault):
                 return pulled
             self._before, self._latest = self._latest, pulled
             self._done -= 1.0
-        if self.scale == 1.0 == self.target and self._before.position_rad == self._latest.position_rad:
-            # Nothing lies between two cycles at the same place: the motion's cycles are the arm's again.
+        if self.scale == 1.0 == self.target and self._done == 1.0:
             self.full = True
             return self._latest
         return self._between()
+
+    def _lag(self) -> float:
+        """Return what to lose of a cycle at full tempo, until the motion's cycles are the control cycles again."""
+        if self._done == 1.0 or self._before.position_rad == self._latest.position_rad:
+            self._done = 1.0
+            return 0.0
+        return min(_REALIGNING, self._done)
 
     def _between(self) -> SetPoint:
         done, scale, rate = self._done, self.scale, self._rate

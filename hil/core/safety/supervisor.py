@@ -179,6 +179,8 @@ class Supervisor:
     def _operate(self, action: OperatorAction, commanding: bool, now_ns: int) -> str:
         operator = self._operator
         if isinstance(action, Press):
+            if action.key is PadKey.RESET and operator.stop is not None and not self._motion.stands:
+                return "the arm still brakes; acknowledge the stop when it stands still"
             pressed_before = operator.view.program is ProgramState.EMERGENCY_STOP
             refusal = operator.press(action.key)
             if action.key is PadKey.EMERGENCY_STOP and not pressed_before:
