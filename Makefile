@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: setup demo test lint types layers format bench protobuf robots constraints clean
+.PHONY: setup demo test soak lint types layers format bench protobuf robots constraints clean
 
 setup: $(VENV)/.installed
 
@@ -24,6 +24,11 @@ demo: setup
 test: setup
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal tests/unit tests/contract tests/golden $(PYTEST_ARGUMENTS)
 	$(BIN)/python -m pytest tests/network $(PYTEST_ARGUMENTS)
+
+# The proofs of docs/safety.md with many more stories: an hour on two cores. SOAK_STORIES=n for another length.
+SOAK_STORIES ?= 20000
+soak: setup
+	HIL_SOAK_STORIES=$(SOAK_STORIES) $(BIN)/python -m pytest --numprocesses 2 --timeout 0 tests/unit/test_safety_proof.py
 
 lint: setup types layers
 	$(BIN)/ruff check .

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import Progress, TaskID
 from rich.table import Table
 
-from hil.config.station import FriConfig, Reaction, ReactionConfig, RobotConfig, ServoConfig
+from hil.config.station import FriConfig, Mode, Reaction, ReactionConfig, RobotConfig, ServoConfig
 from hil.values.errors import UnknownName
 from hil.values.fri import Release
 from hil.values.robot import JOINT_COUNT, JOINT_NAMES
@@ -34,6 +34,7 @@ def cycle(  # noqa: PLR0917  # typer makes the options of the parameters
     motion: Annotated[
         str, typer.Option(help="What moves the arm: fri-overlay, smart-servo or direct-servo, retargeted each cycle.")
     ] = "fri-overlay",
+    mode: Annotated[Mode, typer.Option(help="Operation mode; T1 has two monitors more.")] = Mode.AUT,
     cycles: Annotated[int, typer.Option(min=100, help="Cycles to measure.")] = 20_000,
     as_json: AsJson = False,
 ) -> None:
@@ -47,7 +48,8 @@ def cycle(  # noqa: PLR0917  # typer makes the options of the parameters
     except ValueError:
         raise UnknownName("motion", motion, [known.value for known in BenchMotion]) from None
     fri = FriConfig(release=fri_version) if chosen is BenchMotion.FRI_OVERLAY else None
-    config = RobotConfig(model=robot, backend=backend, fri=fri, servo=None if fri is not None else ServoConfig())
+    servo = None if fri is not None else ServoConfig()
+    config = RobotConfig(model=robot, backend=backend, mode=mode, enabled=True, fri=fri, servo=servo)
     with _progress("cycles", 2 * cycles) as (bar, task):
         report = bench_cycle(
             config, motion=chosen, cycles=cycles, progress=lambda done: bar.update(task, completed=done)
@@ -59,7 +61,7 @@ def cycle(  # noqa: PLR0917  # typer makes the options of the parameters
     console = Console()
     _print_machine(console, found["machine"])
     client = chosen.value if fri is None else f"FRI {fri_version}"
-    table = Table("stage", "p50 us", "p99 us", "max us", title=f"one cycle: {robot}, {backend}, {client}")
+    table = Table("stage", "p50 us", "p99 us", "max us", title=f"one cycle: {robot}, {backend}, {client}, {mode}")
     for name, figures in found["stages_us"].items():
         table.add_row(name, *_numbers(figures))
     table.add_section()

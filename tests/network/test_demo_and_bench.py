@@ -38,7 +38,11 @@ def test_bench_cycle_splits_the_cycle_into_its_stages() -> None:
     found = json.loads(ended.out)
     assert set(found["stages_us"]) >= {"decode", "admission", "interpolate", "backend", "encode"}
     assert found["machine"]["python"]
-    assert {bound["name"] for bound in found["bounds"]} == {"one cycle, median", "virtual time"}
+    assert {bound["name"] for bound in found["bounds"]} == {
+        "one cycle, median",
+        "all monitors together, median",
+        "virtual time",
+    }
 
 
 def test_bench_rate_reports_a_run_against_a_client_process() -> None:

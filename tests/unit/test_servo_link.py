@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from hil.core.events import ApplicationJoined, ApplicationLeft, ArmStopped
+from hil.core.events import ApplicationJoined, ApplicationLeft, ArmStopped, PacketDropped
 from hil.core.servo.link import MAX_ANSWERS
 from hil.core.servo.sessions import (
     MAX_OBSERVERS,
@@ -434,3 +434,49 @@ def test_tokens_differ_and_depend_on_the_secret() -> None:
     assert not set(made) & {others.next() for _ in range(1000)}
     with pytest.raises(ConfigurationError, match=r"a token secret of 0 bytes; 1\.\.64 are needed"):
         ServoSettings(software="", robot="", token_secret=b"")
+
+
+def test_a_packet_older_than_its_budget_is_late() -> None:
+    bench = ServoBench()
+    application = Application(bench, watchdog_ms=200, state_period_ms=5)
+    application.hello_packet = application.hello_packet._replace(latency_budget_ms=30)
+    application.join()
+    application.run(0.1)
+    reflected = application.states[-1].sequence
+    bench.run(0.030)
+
+    def say() -> None:
+        application.sequence += 1
+        bench.deliver(Command(application.token, application.sequence, reflected, 0), application.address)
+
+    say()
+    assert bench.dropped(Outcome.LATE) == 0
+    bench.run(0.010)
+    say()
+    bench.run(0.001)
+    assert bench.dropped(Outcome.LATE) == 1
+    [told] = [event.detail for event in bench.events if isinstance(event, PacketDropped)]
+    assert told == (
+        f"packet {application.sequence} of test at 127.0.0.1:40001 reflects state {reflected}, and the one after that "
+        "was sent 35.0 ms ago, 5.0 ms over the latency budget of 30 ms"
+    )
+    for _ in range(250):
+        say()
+        bench.cycle()
+    assert bench.link.commander == "", "late packets are no sign of life"
+    [left] = [event for event in bench.events if isinstance(event, ApplicationLeft)]
+    assert "packets came, but late: reflects state" in left.reason
+
+
+def test_a_state_nobody_sent_is_late_and_a_stall_of_ours_is_not_charged() -> None:
+    bench = ServoBench()
+    application = Application(bench, watchdog_ms=200)
+    application.hello_packet = application.hello_packet._replace(latency_budget_ms=20)
+    application.join()
+    application.run(0.05)
+    bench.now_ns += 100_000_000
+    application.command()
+    assert bench.dropped(Outcome.LATE) == 0, "there is no newer state than the one it reflects"
+    application.sequence += 1
+    bench.deliver(Command(application.token, application.sequence, 10_000, 0), application.address)
+    assert bench.dropped(Outcome.LATE) == 1

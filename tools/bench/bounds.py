@@ -3,6 +3,8 @@
 from typing import NamedTuple
 
 CYCLE_MEDIAN_US = 60.0
+MONITORS_US = 15.0
+"""Of all monitors together (issue "Safety and admission")."""
 VIRTUAL_TIME_FACTOR = 15.0
 RATE_HZ = 1000.0
 RATE_TOLERANCE_HZ = 0.05

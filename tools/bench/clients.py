@@ -85,6 +85,7 @@ class _ServoSine:
         self._codec = ServoCodec()
         self._token = 0
         self._sequence = 0
+        self._state_sequence = 0
         self._reports_seen = 0
         self._start: tuple[float, ...] = ()
 
@@ -96,6 +97,7 @@ class _ServoSine:
             if isinstance(packet, Welcome):
                 self._token = packet.token
             elif isinstance(packet, State):
+                self._state_sequence = packet.sequence
                 self._start = self._start or packet.snapshot.measured_position
                 self._reports_seen = max([self._reports_seen, *(report.number for report in packet.reports)])
         self._sequence += 1
@@ -104,7 +106,9 @@ class _ServoSine:
             requests = (StartMotion(1, self._kind, MotionParameters(), None),)
         elif self._start:
             requests = (SetDestination(self._sequence, 1, self._destination()),)
-        return self._say(Command(self._token, self._sequence, 0, self._reports_seen, requests=requests))
+        return self._say(
+            Command(self._token, self._sequence, self._state_sequence, self._reports_seen, requests=requests)
+        )
 
     def check(self, controller: Controller) -> None:
         active = controller.motion.applications.active

@@ -19,11 +19,12 @@ from hil.runtime.clock import elapsed_ns
 from hil.values.fri import Release
 from hil.values.fri_messages import CommandMessage, ControllerCodec, MonitoringMessage
 from hil.values.link import Outgoing
-from tools.bench.bounds import CYCLE_MEDIAN_US, VIRTUAL_TIME_FACTOR, Bound, at_least, at_most
+from tools.bench.bounds import CYCLE_MEDIAN_US, MONITORS_US, VIRTUAL_TIME_FACTOR, Bound, at_least, at_most
 from tools.bench.clients import PEER, BenchMotion, Datagrams, RecordedClient, recorded_client
 from transport.fri import FriCodec
 
 _ANSWER_NS = 200_000
+_MONITOR_STAGES = ("safety on the set point", "safety on the measured state")
 WARM_UP_CYCLES = 2500
 """Long enough in virtual time to get an FRI client through the quality levels into COMMANDING_ACTIVE."""
 
@@ -56,10 +57,16 @@ class CycleReport:
     stages: dict[str, Distribution]
     virtual_time_factor: float
 
+    @property
+    def monitors_us(self) -> float:
+        """Median cost of the stages in which the monitors run."""
+        return sum(self.stages[stage].p50_us for stage in _MONITOR_STAGES)
+
     def bounds(self) -> list[Bound]:
         """Return the figures that have a bound."""
         return [
             at_most("one cycle, median", self.cycle.p50_us, CYCLE_MEDIAN_US, "us"),
+            at_most("all monitors together, median", round(self.monitors_us, 2), MONITORS_US, "us"),
             at_least("virtual time", self.virtual_time_factor, VIRTUAL_TIME_FACTOR, "x real time"),
         ]
 
