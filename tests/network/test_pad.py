@@ -175,7 +175,9 @@ def test_watching_ends_with_the_controller(folder: Path) -> None:
         assert watcher.stdout is not None
         assert "arm: AUT, RUNNING" in watcher.stdout.readline()
     ended = finish(watcher)
-    assert (ended.code, ended.err) == (1, "the controller shuts down\n")
+    # It may close the connection before its last line is read.
+    assert ended.code == 1
+    assert ended.err in {"the controller shuts down\n", "the controller is gone: Broken pipe\n"}
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM, None])
@@ -217,7 +219,9 @@ def test_who_holds_learns_that_the_controller_ended(folder: Path) -> None:
         holder = hil("pad", "enable", "--hold", "--socket", folder / "x", typed=True)
         wait_for_line(holder, "holding")
     ended = finish(holder)
-    assert (ended.code, ended.err) == (1, "the controller shuts down\n")
+    # It may close the connection before its last line is read.
+    assert ended.code == 1
+    assert ended.err in {"the controller shuts down\n", "the controller is gone: Broken pipe\n"}
 
 
 def test_a_watcher_that_never_reads_holds_up_nobody(folder: Path) -> None:
