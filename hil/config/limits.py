@@ -3,13 +3,16 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Final
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from hil.core.settings import T1_SPEED_LIMIT_MM_S, TRACKING_LIMIT_RAD, SafetySettings
 from hil.values.errors import ConfigurationError, OutOfRange
 from hil.values.robot import JOINT_NAMES, RobotDescription, Seven
+
+LEAST: Final = 0.1
+"""Degrees a second, Nm, and degrees of a range: with less an axis cannot work."""
 
 AxisValues = Annotated[list[float] | None, Field(min_length=7, max_length=7)]
 
@@ -24,10 +27,10 @@ class LimitsConfig(BaseModel):
     velocity_deg_s: Annotated[AxisValues, Field(description="axis velocities, degrees a second")] = None
     torque_nm: Annotated[AxisValues, Field(description="axis torques, Nm")] = None
     t1_flange_speed_mm_s: Annotated[
-        float, Field(gt=0.0, le=T1_SPEED_LIMIT_MM_S, description="speed of the flange in T1, at most 250 mm/s")
+        float, Field(ge=1.0, le=T1_SPEED_LIMIT_MM_S, description="speed of the flange in T1, 1 ... 250 mm/s")
     ] = T1_SPEED_LIMIT_MM_S
     tracking_deg: Annotated[
-        float | None, Field(gt=0.0, description="distance of a measured axis from its set point, at most 5.7 degrees")
+        float | None, Field(ge=0.01, description="distance of a measured axis from its set point, 0.01 ... 5.7 degrees")
     ] = None
 
     def settings(self, *, permissive: bool) -> SafetySettings:
@@ -41,6 +44,11 @@ class LimitsConfig(BaseModel):
         low = _tightened("position_min_deg", self.position_min_deg, own.position_min_rad, math.degrees, _below)
         high = _tightened("position_max_deg", self.position_max_deg, own.position_max_rad, math.degrees, _above)
         for axis, (lowest, start, highest) in enumerate(zip(low, robot.initial_position_rad, high, strict=True)):
+            if math.degrees(highest - lowest) < LEAST:
+                raise ConfigurationError(
+                    f"limits of {JOINT_NAMES[axis]}: a range of {math.degrees(highest - lowest):g} degrees; "
+                    f"at least {LEAST:g} are needed"
+                )
             if not lowest <= start <= highest:
                 raise ConfigurationError(
                     f"limits of {JOINT_NAMES[axis]}: {robot.name} begins at {math.degrees(start):g} degrees, "
@@ -78,9 +86,9 @@ def _below(_key: str, value: float, limit: float) -> str:
 
 
 def _above(key: str, value: float, limit: float) -> str:
-    if value <= limit and (value > 0.0 or key.startswith("position")):
+    if value <= limit and (value >= LEAST or key.startswith("position")):
         return ""
-    least = "" if key.startswith("position") else "> 0 and "
+    least = "" if key.startswith("position") else f">= {LEAST:g} and "
     return f"{least}<= {limit:g}, which is the robot's own; a station tightens limits only"
 
 

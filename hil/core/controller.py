@@ -118,8 +118,11 @@ class Controller:
         ``now_ns`` is when they leave; without it they leave when their cycle began. Answers are timed from there.
         """
         datagrams, self._outgoing = self._outgoing, []
-        if now_ns is not None and datagrams and self._fri is not None:
-            self._fri.departed(now_ns=now_ns)
+        if now_ns is not None and datagrams:
+            if self._fri is not None:
+                self._fri.departed(now_ns=now_ns)
+            if self._servo is not None:
+                self._servo.departed(now_ns=now_ns)
         return datagrams
 
     def events(self) -> list[Event]:
@@ -286,11 +289,12 @@ class Controller:
         if safety.stop(trip.fault, now_ns, trip.category):
             self._interpolate(now_ns, started_ns)
         # A brake may fail a monitor too: the flange can still get faster while the axes get slower.
-        while (
-            motion.phase is Phase.BRAKING
-            and safety.check_set_point(self._proposed, now_ns=now_ns) is not None
-            and motion.brake_harder()
-        ):
+        while (trip := safety.check_set_point(self._proposed, now_ns=now_ns)) is not None:
+            if motion.phase is not Phase.BRAKING or not motion.brake_harder():
+                # Nothing the arm could be told is legal: it is told nothing.
+                safety.stop(trip.fault, now_ns, StopCategory.DROP)
+                self._proposed = motion.set_point
+                return
             self._interpolate(now_ns, started_ns)
 
     def _move(self, now_ns: int, _started_ns: int) -> None:

@@ -27,7 +27,7 @@ SETTLE_S: Final = 0.01
 CHANGES_INTERVAL_S: Final = 0.02
 """Between two lines for a watcher; what changed meanwhile is in the next one."""
 HEARTBEAT_S: Final = 1.0
-_BACKLOG: Final = 4
+_BACKLOG: Final = 64
 _ENABLE: Final = Press(PadKey.ENABLE)
 _RELEASE: Final = Press(PadKey.RELEASE)
 _EMERGENCY_STOP: Final = Press(PadKey.EMERGENCY_STOP)
@@ -116,10 +116,21 @@ class OperatorChannel:
         user = peer_user(link)
         if user is not None and user not in {0, os.geteuid()}:
             return f"only user {os.geteuid()}, whose controller this is, may use its pad; this is user {user}"
-        if len(self._connections) >= MAX_CONNECTIONS:
-            return f"{MAX_CONNECTIONS} pads are connected already, which is the most; close one of them"
+        if len(self._connections) >= MAX_CONNECTIONS and not self._let_go_an_idle_one():
+            return f"{MAX_CONNECTIONS} pads that hold or watch are connected, which is the most; close one of them"
         self._connections.add(connection)
         return ""
+
+    def _let_go_an_idle_one(self) -> bool:
+        """Make room: whoever wants to stop the arm must not wait for pads that do nothing."""
+        held = set(self._holders.values())
+        idle = [one for one in self._connections if not one.watched and one not in held]
+        if not idle:
+            return False
+        oldest = min(idle, key=lambda one: one.used_ns)
+        oldest.end(f"more than {MAX_CONNECTIONS} pads are connected, and this one did nothing for the longest time")
+        self._connections.discard(oldest)
+        return True
 
     def left(self, connection: Connection) -> None:
         """A connection ended: let go what it held."""

@@ -53,6 +53,8 @@ class Connection(asyncio.BufferedProtocol):
         self._shown: object = None
         self.watched: list[str] = []
         """Robots it watches."""
+        self.used_ns = now_ns()
+        """When it last asked for something."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Check who it is."""
@@ -146,7 +148,7 @@ class Connection(asyncio.BufferedProtocol):
             transport.close()
 
     def _queue(self, line: bytes) -> None:
-        now_ns = self._now_ns()
+        now_ns = self.used_ns = self._now_ns()
         self._free_at_ns = max(self._free_at_ns, now_ns) + REQUEST_INTERVAL_NS
         early_ns = self._free_at_ns - now_ns - BURST_REQUESTS * REQUEST_INTERVAL_NS
         if early_ns > 0:

@@ -240,7 +240,10 @@ class Snapshot(NamedTuple):
 
 
 class State(NamedTuple):
-    """The controller's packet. ``requests_done`` is the number of the last request taken or refused."""
+    """The controller's packet. ``requests_done`` is the number of the last request the controller has.
+
+    It need not be sent again; what became of it is told by a report, at once or when the program goes on.
+    """
 
     token: int
     sequence: int

@@ -12,7 +12,7 @@ from backends.robots import load_pinocchio
 from hil.core.controller import FRI_LINK
 from hil.core.model import ArmModel
 from hil.core.settings import FriSettings
-from hil.values.arm import JointCommand
+from hil.values.arm import JointCommand, seven
 from hil.values.fri import OperationMode, Release
 from hil.values.fri_messages import CommandData, CommandMessage, MonitoringMessage
 from hil.values.link import Address, Source
@@ -178,6 +178,11 @@ class Hostile:
             if monitors.t1:
                 speed = self.model.flange_speed_mm_s(command.position_rad, command.velocity_rad_s)
                 assert speed <= 250.0, speed
+                if before is not None:
+                    steps = zip(before.position_rad, command.position_rad, strict=True)
+                    rate = seven([(there - here) * 1e3 for here, there in steps])
+                    # At the end of the step the arm is turned a little from where it began.
+                    assert self.model.flange_speed_mm_s(command.position_rad, rate) <= 250.0 * (1 + 2e-3)
             if before is not None and command.position_rad != before.position_rad:
                 self.told_to_move += 1
             self._stands_when_it_must(command, before)

@@ -348,7 +348,7 @@ def test_margins_say_how_near_a_run_came_when_and_on_which_axis() -> None:
     assert margins["axis velocity"]["used"] == pytest.approx(0.2, abs=0.01)
     speeds = [MODEL.flange_speed_mm_s(one.position_rad, one.velocity_rad_s) for one in arm_of(application).commands]
     assert t1["used"] == pytest.approx(max(speeds) / 250.0, abs=1e-3)
-    assert speeds.index(max(speeds)) * 1e-3 == pytest.approx(t1["at_s"], abs=2e-3)
+    assert speeds.index(max(speeds)) * 1e-3 == pytest.approx(t1["at_s"], abs=2e-2)
     name, closest = max(margins.items(), key=lambda entry: entry[1]["used"])
     assert (
         report["closest"]

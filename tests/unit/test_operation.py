@@ -1,11 +1,14 @@
 """The operator's side in the whole controller: pausing, waiting, modes, stops and drives; on both links."""
 
 import itertools
+import math
+import random
+from collections.abc import Callable
 
 import pytest
 
 from backends.mujoco import MujocoBackend
-from backends.robots import load_pinocchio
+from backends.robots import load_pinocchio, robot_names
 from hil.core.events import ArmStopped, DrivesChanged, OperatorActed
 from hil.core.model import ArmModel
 from hil.core.motion.executive import Phase
@@ -13,7 +16,7 @@ from hil.values.arm import ArmState
 from hil.values.fri import ControlMode, DriveState, OperationMode, SafetyState, SessionState
 from hil.values.motion import ErrorReason, Fault, MotionEnd, MotionKind, MotionParameters, MotionPhase
 from hil.values.operator import PadKey, ProgramState, SetOverride, StopCategory
-from hil.values.robot import RobotDescription
+from hil.values.robot import RobotDescription, Seven
 from hil.values.servo import (
     Request,
     RequestDone,
@@ -535,3 +538,160 @@ def test_the_mujoco_arm_stands_still_after_each_category(category: StopCategory)
     assert bench.backend.read().position_rad == pytest.approx(start_of(application), abs=1e-3)
     assert len(bench.controller.stops) == 1
     assert [event.category for event in bench.events if isinstance(event, ArmStopped)] == [category]
+
+
+# Found by attack
+
+
+@pytest.mark.parametrize("robot", robot_names())
+def test_an_arm_at_the_end_of_a_range_is_held_there_when_its_drives_come_back(robot: str) -> None:
+    application = Application(ServoBench(robot=robot, mode=T1, backend=MujocoBackend), watchdog_ms=1000)
+    application.join()
+    bench = application.bench
+    high = bench.description.limits.position_max_rad
+    application.start(MotionKind.PTP, (*start_of(application)[:3], high[3], *start_of(application)[4:]))
+    application.run(8.0)
+    assert bench.controller.motion.set_point.position_rad[3] == high[3]
+    for _ in range(2):
+        bench.press(K.RELEASE)
+        application.run(0.5)
+        bench.press(K.ENABLE, K.START)
+        application.run(1.0)
+    assert not bench.controller.stops
+    application.start(MotionKind.PTP, start_of(application))
+    application.run(8.0)
+    assert bench.controller.motion.set_point.position_rad == start_of(application)
+
+
+@pytest.mark.parametrize(("percent", "cycle_ms"), [(50.0, 1), (50.0, 4), (30.0, 5), (90.0, 2)])
+def test_in_t1_no_step_is_longer_than_its_speed_says_whatever_the_override(percent: float, cycle_ms: int) -> None:
+    model = ArmModel(load_pinocchio("lbr-iiwa-14-r820"))
+    fastest = 0.0
+    for away in range(10, 86, 3):
+        application = Application(ServoBench(mode=T1, cycle_ms=cycle_ms), watchdog_ms=1000, state_period_ms=20)
+        application.join()
+        bench = application.bench
+        bench.controller.operate(SetOverride(percent), now_ns=bench.now_ns)
+        number = application.start(MotionKind.DIRECT_SERVO)
+        step = away * 1e-3
+        application.set_destination(number, offset(start_of(application), A1=step, A2=step, A4=-step))
+        application.run(0.3)
+        commands = bench.backend.commands  # type: ignore[attr-defined]
+        for before, after in itertools.pairwise(commands):
+            way = zip(before.position_rad, after.position_rad, strict=True)
+            rate: Seven = tuple((there - here) / (cycle_ms * 1e-3) for here, there in way)
+            fastest = max(fastest, model.flange_speed_mm_s(after.position_rad, rate))
+    # The fastest that is legal depends on where the destinations happen to be.
+    assert 215.0 < fastest <= 250.0
+
+
+def test_a_stop_is_done_however_much_waits_before_it() -> None:
+    application = joined()
+    other = moving(application)
+    second = application.start(MotionKind.SMART_SERVO)
+    application.bench.press(K.PAUSE)
+    application.run(0.5)
+    waiting: list[Request] = [SetDestination(100, other, start_of(application))]
+    waiting += [SetRuntimeParameters(101 + place, other, 0.02) for place in range(8)]
+    application.command(*waiting[:6])
+    application.run(0.006)
+    assert application.states[-1].requests_done >= 105, "what the controller has is not sent again"
+    application.command(*waiting[6:])
+    application.command(StopMotion(120, second))
+    application.run(0.01)
+    assert {done.request for done in application.done} >= set(range(100, 109)) | {120}
+    assert [end.motion for end in application.ends] == [second]
+
+
+def test_a_dropped_arm_is_acknowledged_when_it_stands_still() -> None:
+    application = Application(ServoBench(backend=MujocoBackend), watchdog_ms=1000)
+    application.join()
+    bench = application.bench
+    application.start(MotionKind.PTP, offset(start_of(application), A1=1.2))
+    application.run(0.9)
+    assert abs(bench.backend.read().velocity_rad_s[0]) > 0.8
+    bench.controller._safety.stop(Fault("somebody pulled the plug"), bench.now_ns, StopCategory.DROP)
+    for _ in range(400):
+        if not bench.press(K.RESET):
+            break
+        application.run(0.001)
+    assert abs(bench.backend.read().velocity_rad_s[0]) <= 0.01
+    assert drives(application) == ALL_OFF
+    bench.press(K.START)
+    application.run(1.0)
+    assert len(bench.controller.stops) == 1
+
+
+class LyingArm(RecordingBackend):
+    """An arm whose measured state a test may change."""
+
+    def __init__(self, description: RobotDescription) -> None:
+        super().__init__(description)
+        self.lie: Callable[[ArmState], ArmState] = lambda state: state
+
+    def read(self) -> ArmState:
+        return self.lie(super().read())
+
+
+def test_nothing_that_is_not_finite_is_followed_with_dropped_drives() -> None:
+    bench = ServoBench(mode=T1, enabled=False, backend=LyingArm)
+    bench.run(0.1)
+    assert isinstance(bench.backend, LyingArm)
+    bench.backend.lie = lambda state: state._replace(position_rad=(math.nan,) * 7)
+    bench.run(0.01)
+    bench.backend.lie = lambda state: state
+    bench.run(0.1)
+    assert all(math.isfinite(sum(command.position_rad)) for command in bench.backend.commands)
+
+
+def test_a_released_switch_makes_a_stop_that_holds_one_that_dropped() -> None:
+    application = joined(T1)
+    bench = application.bench
+    bench.controller._safety.stop(Fault("held"), bench.now_ns, StopCategory.BRAKE_AND_HOLD)
+    application.run(0.1)
+    bench.press(K.RELEASE)
+    application.run(0.1)
+    told = [state.snapshot.operator.safety_state for state in application.states]
+    assert told[-25] is SafetyState.SAFETY_STOP_LEVEL_2
+    assert told[-1] is SafetyState.SAFETY_STOP_LEVEL_1
+    assert drives(application) == ALL_OFF
+
+
+def test_drives_that_stop_holding_by_themselves_are_a_stop() -> None:
+    application = Application(ServoBench(backend=LyingArm), watchdog_ms=1000)
+    application.join()
+    bench = application.bench
+    assert isinstance(bench.backend, LyingArm)
+    application.start(MotionKind.SMART_SERVO, offset(start_of(application), A4=0.3), SLOW)
+    application.run(0.3)
+    bench.backend.lie = lambda state: state._replace(drive_states=ALL_OFF)
+    application.run(0.05)
+    bench.backend.lie = lambda state: state
+    application.run(1.0)
+    [stop] = bench.controller.stops
+    assert (stop.category, stop.reason) == (StopCategory.DROP, "the drives stopped holding the arm: they are OFF")
+    assert program(bench) is ProgramState.STOPPED
+    assert stands(application)
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_ptps_behind_stopped_and_paused_ones_keep_t1(seed: int) -> None:
+    rng = random.Random(seed)
+    application = Application(ServoBench(mode=T1, robot=rng.choice(robot_names())), watchdog_ms=1000)
+    application.join()
+    bench = application.bench
+    numbers = [
+        application.start(MotionKind.PTP, tuple(value + rng.uniform(-0.45, 0.45) for value in start_of(application)))
+        for _ in range(4)
+    ]
+    for number in numbers[:3]:
+        application.run(rng.uniform(0.2, 2.5))
+        if rng.random() < 0.5:
+            bench.press(K.PAUSE)
+            application.run(rng.uniform(0.01, 0.2))
+            bench.press(K.START)
+        if bench.controller.motion.applications.find(number) is not None:
+            application.stop(number)
+    application.run(15.0)
+    assert [end.end for end in application.ends][-1] is MotionEnd.FINISHED
+    assert not bench.controller.stops

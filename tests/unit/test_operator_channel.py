@@ -429,7 +429,7 @@ def test_the_kernel_tells_who_is_there() -> None:
         assert operator_channel.peer_user(here) == os.geteuid()
 
 
-async def test_no_more_pads_than_agreed(folder: Path) -> None:
+async def test_an_idle_pad_makes_room_and_one_that_holds_or_watches_does_not(folder: Path) -> None:
     async with serving(folder / "x", arm=Notes()) as channel:
         pads = []
         for _ in range(MAX_CONNECTIONS):
@@ -437,13 +437,16 @@ async def test_no_more_pads_than_agreed(folder: Path) -> None:
             assert (await one.ask(do="status"))["ok"] is True
             pads.append(one)
         async with pad(channel) as one_more:
-            assert "16 pads are connected already" in (await one_more.line())["error"]
-        pads[0].writer.close()
-        await pads[0].writer.wait_closed()
-        await pads[1].ask(do="status")
-        async with pad(channel) as one_more:
-            assert (await one_more.ask(do="status"))["ok"] is True
+            assert (await one_more.ask(do="estop"))["ok"] is True
+        assert "did nothing for the longest time" in (await pads[0].line())["error"]
         for one in pads[1:]:
+            await one.ask(do="watch")
+        async with pad(channel) as last:
+            await last.ask(do="watch")
+            one_more = Pad(*await asyncio.open_unix_connection(channel.path))
+            assert "16 pads that hold or watch are connected" in (await one_more.line())["error"]
+            pads.append(one_more)
+        for one in pads:
             one.writer.close()
             await one.writer.wait_closed()
 

@@ -89,7 +89,10 @@ def test_what_the_template_leaves_commented_is_valid_too() -> None:
             "[[robot]]\n[robot.limits]\nt1_flange_speed_mm_s = 250.1",
             "robot[1].limits.t1_flange_speed_mm_s: Input should be less than or equal to 250, got 250.1",
         ),
-        ("[[robot]]\n[robot.limits]\nt1_flange_speed_mm_s = 0", "t1_flange_speed_mm_s: Input should be greater than 0"),
+        (
+            "[[robot]]\n[robot.limits]\nt1_flange_speed_mm_s = 0",
+            "t1_flange_speed_mm_s: Input should be greater than or equal to 1",
+        ),
         (
             "[[robot]]\n[robot.limits]\ntracking_deg = 6",
             "tracking limit, rad 0.10472 is outside its range > 0 and <= 0.1",
@@ -238,9 +241,12 @@ def test_a_robots_own_limits_in_round_degrees_change_nothing(name: str) -> None:
         ({"position_min_deg": [-171, -120, -170, -120, -170, -120, -175]}, "position_min_deg of A1 -171 is outside"),
         ({"position_max_deg": [170, 120, 170, 120, 170, 120, 176]}, "<= 175, which is the robot's own"),
         ({"velocity_deg_s": [85, 86, 100, 75, 130, 135, 135]}, "velocity_deg_s of A2 86 is outside"),
-        ({"velocity_deg_s": [85, 85, 0, 75, 130, 135, 135]}, "velocity_deg_s of A3 0 is outside its range > 0 and <="),
+        (
+            {"velocity_deg_s": [85, 85, 0, 75, 130, 135, 135]},
+            "velocity_deg_s of A3 0 is outside its range >= 0.1 and <=",
+        ),
         ({"torque_nm": [320, 320, 176, 176, 110, 40, 41]}, "a station tightens limits only"),
-        ({"torque_nm": [320, 320, 176, 176, 110, -1, 40]}, "torque_nm of A6 -1 is outside its range > 0 and <= 40"),
+        ({"torque_nm": [320, 320, 176, 176, 110, -1, 40]}, "torque_nm of A6 -1 is outside its range >= 0.1 and <= 40"),
         (
             {"position_max_deg": [170, 29, 170, 120, 170, 120, 175]},
             "limits of A2: lbr-iiwa-14-r820 begins at 30 degrees, which is outside -120 ... 29",

@@ -79,3 +79,11 @@ def _turns(velocity: float, acceleration: float, jerk: float) -> tuple[float, ..
         return ()
     root = math.sqrt(square)
     return (-acceleration - root) / jerk, (root - acceleration) / jerk
+
+
+def within_range(position_rad: Seven, limits: JointLimits) -> Seven:
+    """Return the position nearest to ``position_rad`` inside the axis ranges."""
+    return tuple(
+        min(max(value, low), high)
+        for value, low, high in zip(position_rad, limits.position_min_rad, limits.position_max_rad, strict=True)
+    )  # type: ignore[return-value]

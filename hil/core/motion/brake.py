@@ -12,7 +12,7 @@ from hil.core.motion.axis_range import leaves_range
 from hil.core.motion.motion_limits import admissible
 from hil.core.motion.planner import Plan
 from hil.core.motion.set_point import STILL, SetPoint
-from hil.values.robot import JOINT_COUNT, JointLimits
+from hil.values.robot import JOINT_COUNT, JointLimits, Seven
 
 
 class Brake:
@@ -40,6 +40,18 @@ class Brake:
     def at_rest(self) -> bool:
         """True when the arm's set point stands still."""
         return self._elapsed_s >= self.duration_s
+
+    @property
+    def end_rad(self) -> Seven:
+        """Where the arm will stand still."""
+        if self._plan is not None:
+            return self._plan.at(self.duration_s).position_rad
+        return self._uniform(self.duration_s).position_rad if self.duration_s else self._start.position_rad
+
+    @property
+    def remaining_s(self) -> float:
+        """Time until then."""
+        return max(0.0, self.duration_s - self._elapsed_s)
 
     def interpolate(self) -> SetPoint:
         """Return the set point of the next cycle."""

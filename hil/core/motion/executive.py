@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Final
 
+from hil.core.motion.axis_range import within_range
 from hil.core.motion.brake import Brake
 from hil.core.motion.joint_overlay import JointOverlay
 from hil.core.motion.position_hold import PositionHold
@@ -39,6 +40,7 @@ class MotionExecutive:
     def __init__(self, position_rad: Seven, *, limits: JointLimits, cycle_s: float) -> None:
         self._limits = limits
         self._cycle_s = cycle_s
+        position_rad = within_range(position_rad, limits)
         self._motion: PositionHold | JointOverlay | Brake = PositionHold(position_rad)
         self.phase = Phase.HOLDING
         self.hold_position_rad = position_rad
@@ -102,8 +104,11 @@ class MotionExecutive:
         self.set_point = self._motion.interpolate()
 
     def follow(self, position_rad: Seven) -> None:
-        """The arm is where it is, and no drive holds it: hold it there once one does. Needs a phase of holding."""
-        self.hold_position_rad = position_rad
+        """The arm is where it is, and no drive holds it: hold it there once one does. Needs a phase of holding.
+
+        An arm at the end of an axis range is measured a little beyond it; it is held at the end.
+        """
+        self.hold_position_rad = position_rad = within_range(position_rad, self._limits)
         self._motion = PositionHold(position_rad)
         self.set_point = self._motion.interpolate()
 

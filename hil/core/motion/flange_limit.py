@@ -1,35 +1,19 @@
 """A PTP that plans itself slow enough for T1: how fast its axes may move so that the flange keeps the speed limit.
 
 On a straight line in axis space all axes have one profile, so the flange's speed is the profile's times the length of
-the Jacobian along the line: one factor, exact but for the distance between the places looked at. A way from a moving
-start is curved, and is planned until it is slow enough.
+the Jacobian along the line: one factor, exact but for the distance between the places looked at.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Final, Protocol, TypeVar
+from typing import Final
 
-from hil.core.motion.set_point import STILL, SetPoint
-from hil.values.motion import Fault
 from hil.values.robot import JointLimits, Seven
 
 _PLACES: Final = 24
 """Looked at on a way, both ends included: a look costs 5 us, and a way begins within one control cycle."""
 _AIM: Final = 0.97
 """Share of the limit a way is planned for: between two places the flange may be faster than at both."""
-_ATTEMPTS: Final = 4
-
-
-class Way(Protocol):
-    """A planned trajectory; times in s from its start."""
-
-    duration_s: float
-
-    def at(self, time_s: float) -> SetPoint:
-        """Return the set point at a time."""
-
-
-W = TypeVar("W", bound=Way)
 
 
 @dataclass(slots=True)
@@ -53,42 +37,6 @@ class FlangeLimit:
             self.speed_mm_s(_between(start_rad, way, place / (_PLACES - 1)), velocity) for place in range(_PLACES)
         )
         return _slower(limits, _AIM * self.limit_mm_s / fastest_mm_s) if fastest_mm_s > 0.0 else limits
-
-    def planned(self, limits: JointLimits, plan_with: Callable[[JointLimits], W | Fault]) -> W | Fault:
-        """Return what ``plan_with`` plans, with limits lowered until it keeps the speed limit.
-
-        The last attempt is returned even if it does not: the monitor on the set point has the last word.
-        """
-        planned = plan_with(limits)
-        if self.limit_mm_s is None:
-            return planned
-        for _ in range(_ATTEMPTS):
-            if isinstance(planned, Fault):
-                return planned
-            fastest_mm_s, share = self._fastest(planned, limits)
-            if fastest_mm_s <= self.limit_mm_s * (1.0 + _AIM) / 2.0:
-                return planned
-            limits = _slower(limits, share * _AIM * self.limit_mm_s / fastest_mm_s)
-            planned = plan_with(limits)
-        return planned
-
-    def _fastest(self, plan: Way, limits: JointLimits) -> tuple[float, float]:
-        """Return the highest speed of the flange on a way, and the largest share of its velocity an axis has there."""
-        fastest_mm_s, share = 0.0, 0.0
-        # The start is what it is: no plan can change it.
-        for place in range(1, _PLACES):
-            point = plan.at(plan.duration_s * place / (_PLACES - 1))
-            fastest_mm_s = max(fastest_mm_s, self.speed_mm_s(point.position_rad, point.velocity_rad_s))
-            share = max(share, _share(point, limits))
-        return fastest_mm_s, share
-
-
-def _share(point: SetPoint, limits: JointLimits) -> float:
-    if point.velocity_rad_s == STILL:
-        return 0.0
-    return max(
-        abs(velocity) / fastest for velocity, fastest in zip(point.velocity_rad_s, limits.velocity_rad_s, strict=True)
-    )
 
 
 def _slower(limits: JointLimits, factor: float) -> JointLimits:

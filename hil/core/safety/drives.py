@@ -5,6 +5,8 @@ from hil.values.fri import DriveState
 from hil.values.operator import StopCategory
 
 _ACTIVE = DriveState.ACTIVE
+STANDSTILL_RAD_S = 0.01
+"""An axis that is slower stands still, as far as brakes and noise tell. Ours."""
 
 
 class Drives:
@@ -18,6 +20,8 @@ class Drives:
         """Whether they were dropped from here, and are not asked for again."""
         self.hold = True
         """Whether all of them are active: what they are told counts."""
+        self.lost = False
+        """Whether they stopped holding the arm though nobody dropped them."""
 
     def read(self, arm: ArmState) -> DriveState | None:
         """Look at the measured state; return the state of the drives if it is another one than before."""
@@ -27,6 +31,7 @@ class Drives:
         self.hold = state is _ACTIVE
         if state is self._state:
             return None
+        self.lost = self._state is _ACTIVE and not self.dropped
         self._state = state
         return state
 
@@ -41,6 +46,10 @@ class Drives:
         elif category is None and self.dropped:
             self.dropped = False
             self._backend.switch_drives(on=True)
+
+    def off_or_at_rest(self, arm: ArmState) -> bool:
+        """Whether an arm whose drives were to be dropped is stopped: they are, and it stands still."""
+        return not self._switches or (self.dropped and max(map(abs, arm.velocity_rad_s)) <= STANDSTILL_RAD_S)
 
     def waits_because(self) -> str:
         """Return why nothing may move, as far as the drives are concerned; empty when they hold the arm."""

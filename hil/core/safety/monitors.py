@@ -6,6 +6,7 @@ safety functions.
 
 import math
 from collections.abc import Callable
+from operator import mul, sub
 from typing import Final, NamedTuple
 
 from hil.core.model import ArmModel
@@ -23,7 +24,7 @@ from hil.core.settings import SafetySettings
 from hil.values.arm import ArmState
 from hil.values.motion import ErrorReason, Fault
 from hil.values.operator import StopCategory
-from hil.values.robot import JointLimits, Seven
+from hil.values.robot import JOINT_COUNT, JointLimits, Seven
 
 NOT_FINITE: Final = "the robot side reports a state that is not finite"
 
@@ -89,6 +90,7 @@ class Monitors:
         self._tracking = TrackingMonitor(limit_rad=safety.tracking_rad)
         self._torque = AxisTorqueMonitor(limits, cycle_ms=cycle_ms)
         self._measured_t1 = FlangeSpeedMonitor(model, limit_mm_s=safety.t1_flange_speed_mm_s)
+        self._rates = (1e3 / cycle_ms,) * JOINT_COUNT
         self._legal: SetPoint | None = None
         self.t1 = False
         self.margins = {
@@ -112,7 +114,7 @@ class Monitors:
             fault = monitor.check(set_point, before, now_ns)
             if fault is not None and (trip := self._tripped(name, fault, now_ns)) is not None:
                 return trip
-        if self.t1 and (words := self._commanded_t1.too_fast(position, velocity, now_ns=now_ns)):
+        if self.t1 and (words := self._too_fast_in_t1(set_point, before, now_ns)):
             trip = self._tripped(MonitorName.COMMANDED_T1, Fault(ErrorReason.COMMANDED_T1, words), now_ns)
             if trip is not None:
                 return trip
@@ -141,6 +143,14 @@ class Monitors:
     def report(self) -> dict[str, dict[str, object]]:
         """Return what was used of each limit, for the status file."""
         return report(self.margins, main_axis=self._model.main_axis)
+
+    def _too_fast_in_t1(self, set_point: SetPoint, before: SetPoint, now_ns: int) -> str:
+        """Judge the velocity a set point says, and the step it makes: the one need not be that of the other."""
+        position, velocity, _ = set_point
+        if words := self._commanded_t1.too_fast(position, velocity, now_ns=now_ns):
+            return words
+        step = tuple(map(mul, map(sub, position, before.position_rad), self._rates))
+        return self._commanded_t1.too_fast(position, step, now_ns=now_ns)
 
     def _too_fast(self, position: Seven, velocity: Seven, now_ns: int) -> str:
         # The largest speed of a run is a figure of every mode, so the speed is worked out for a new maximum too.

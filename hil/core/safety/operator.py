@@ -184,11 +184,10 @@ class Operator:
         )
 
     def _safety_state(self) -> SafetyState:
-        if self.stop is not None:
-            return self.stop.category.safety_state
+        active = [self.stop.category] if self.stop is not None else []
         if self.needs_enabling and not self.enabling:
-            return StopCategory.BRAKE_AND_DROP.safety_state
-        return SafetyState.NORMAL_OPERATION
+            active.append(StopCategory.BRAKE_AND_DROP)
+        return min(active).safety_state if active else SafetyState.NORMAL_OPERATION
 
     def _reason(self) -> str:
         enable = ", hold the enabling switch (hil pad enable)" if self.needs_enabling and not self.enabling else ""

@@ -4,6 +4,7 @@ It is the only one who ends a motion for a reason that is not the application's,
 by themselves once nothing speaks against it any more.
 """
 
+import math
 from collections import deque
 from collections.abc import Callable
 from typing import Final
@@ -27,6 +28,7 @@ from hil.values.operator import OperatorAction, OperatorView, PadKey, Press, Pro
 from hil.values.robot import JOINT_NAMES, JointLimits
 
 MAX_STOPS: Final = 1000
+LOST_DRIVES: Final = "the drives stopped holding the arm"
 MOVED_RAD: Final = 2e-3
 """How far an arm may be off a paused motion that goes on with drives that were dropped meanwhile. Ours."""
 
@@ -67,6 +69,7 @@ class Supervisor:
         self._t1_flange_speed_mm_s = safety.t1_flange_speed_mm_s
         self.drives = Drives(backend)
         self._dropped_in_pause = False
+        self._arm: ArmState | None = None
         self._ran_under: OperatorView | None = None
         """View under which motions run and all is done that it asks for; None while something is still to be done."""
         self.end_overlay: Callable[[Fault, int], None] = lambda _fault, _now_ns: None
@@ -97,9 +100,13 @@ class Supervisor:
 
     def read(self, arm: ArmState, *, now_ns: int) -> None:
         """Look at the drives of a measured state."""
+        self._arm = arm
         state = self.drives.read(arm)
-        if state is not None:
-            self._emit(DrivesChanged(now_ns, state))
+        if state is None:
+            return
+        self._emit(DrivesChanged(now_ns, state))
+        if self.drives.lost:
+            self.stop(Fault(LOST_DRIVES, f"they are {state.name}"), now_ns, StopCategory.DROP)
 
     def follow_operator(self, arm: ArmState, *, commanding: bool, closing: bool, now_ns: int) -> str:
         """Once a cycle: pause and resume, drop and switch on the drives; return why nothing may move, or nothing."""
@@ -120,7 +127,7 @@ class Supervisor:
         drives.follow(operator.drops_drives, stands=stands)
         if drives.dropped or not drives.hold:
             self._dropped_in_pause = True
-            if motion.at_rest:
+            if motion.at_rest and math.isfinite(sum(arm.position_rad)):
                 motion.follow(arm.position_rad)
         runs = not (waits or motion.paused or drives.dropped)
         t1_counts = self.monitors.t1 or operator.mode is not OperationMode.T1
@@ -179,7 +186,7 @@ class Supervisor:
     def _operate(self, action: OperatorAction, commanding: bool, now_ns: int) -> str:
         operator = self._operator
         if isinstance(action, Press):
-            if action.key is PadKey.RESET and operator.stop is not None and not self._motion.stands:
+            if action.key is PadKey.RESET and operator.stop is not None and not self._stopped(operator.stop.category):
                 return "the arm still brakes; acknowledge the stop when it stands still"
             pressed_before = operator.view.program is ProgramState.EMERGENCY_STOP
             refusal = operator.press(action.key)
@@ -195,6 +202,12 @@ class Supervisor:
         operator.set_override(action.percent)
         self._motion.set_override(action.percent / 100.0)
         return ""
+
+    def _stopped(self, category: StopCategory) -> bool:
+        """Whether what a stop of ``category`` does is done."""
+        if not self._motion.stands:
+            return False
+        return category is StopCategory.BRAKE_AND_HOLD or self._arm is None or self.drives.off_or_at_rest(self._arm)
 
     def _stopped_by_operator(self, fault: Fault, now_ns: int) -> None:
         self._end_motions(fault, now_ns)

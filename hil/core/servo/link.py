@@ -76,6 +76,8 @@ class ServoLink:
         self._requests = RequestHandler(executive=executive, basis=basis, failed=failed)
         self._answers: deque[tuple[Address, FromController]] = deque()
         self._closed_because = ""
+        self._leaving: list[Session] = []
+        """Sessions whose states leave with this cycle."""
         self._goals_told: dict[int, int] = {}
         self._measured_rad: Seven = executive.set_point.position_rad
         self.counters = PacketCounters(SERVO_DROPS)
@@ -133,6 +135,7 @@ class ServoLink:
         packets = [self._send(address, answer) for address, answer in self._answers]
         self._answers.clear()
         shown = None
+        self._leaving.clear()
         for session in self._sessions.due_for_state():
             if shown is None:
                 shown = snapshot(
@@ -145,16 +148,22 @@ class ServoLink:
                 )
             session.state_sequence += 1
             session.latency.sent(session.state_sequence, at_ns=now_ns)
+            self._leaving.append(session)
             state = State(
                 session.token,
                 session.state_sequence,
                 session.sequence,
-                session.requests_done,
+                session.last_request,
                 shown,
                 session.reports.to_tell(),
             )
             packets.append(self._send(session.address, state))
         return packets
+
+    def departed(self, *, now_ns: int) -> None:
+        """The states of this cycle leave at ``now_ns``, not when the cycle began."""
+        for session in self._leaving:
+            session.latency.departed(at_ns=now_ns)
 
     def close_door(self, reason: str) -> None:
         """From now on no session begins and no motion starts."""
@@ -243,7 +252,6 @@ class ServoLink:
             self.requests_taken += 1
         else:
             self.requests_refused += 1
-        session.requests_done = request.number
         session.wants_state = True
         session.reports.add(
             lambda number: RequestDone(number, request.number, arrived_ns, error, why.reason, why.detail)

@@ -138,9 +138,10 @@ class RequestHandler:
 
 
 def _released(number: int, inbox: Iterable[tuple[int, Request]]) -> bool:
-    """Whether something behind the first request ends its wait: a newer destination, a stop, or waiting no more."""
+    """Whether something behind the first request ends its wait: a newer destination, any stop, or waiting no more."""
     for _, later in itertools.islice(inbox, 1, None):
-        if isinstance(later, StopMotion | SetDestination) and later.motion == number:
+        # A stop is done at any time (manual 7.5.4), so nothing that came before it waits.
+        if isinstance(later, StopMotion) or (isinstance(later, SetDestination) and later.motion == number):
             return True
         if isinstance(later, SetRuntimeParameters) and later.motion == number and later.wait_for_pause is False:
             return True

@@ -41,7 +41,6 @@ class Session:
     wants_state: bool = False
     last_request: int = 0
     """Number of the last request put into the inbox."""
-    requests_done: int = 0
     inbox: deque[tuple[int, Request]] = field(default_factory=deque)
     """Requests with the time they arrived at; what waits for a pause to end stays here."""
     reports: ReportLog = field(default_factory=ReportLog)
@@ -124,7 +123,10 @@ class SessionTable:
             watchdog_ns=hello.watchdog_ms * NS_PER_MS,
             state_period_cycles=max(1, hello.state_period_ms // self._cycle_ms),
             heard_ns=now_ns,
-            latency=LatencyBudget(budget_ns=(hello.latency_budget_ms or hello.watchdog_ms) * NS_PER_MS),
+            latency=LatencyBudget(
+                budget_ns=(hello.latency_budget_ms or hello.watchdog_ms) * NS_PER_MS,
+                cycle_ns=self._cycle_ms * NS_PER_MS,
+            ),
         )
         self._offers[key] = session
         self._offered[session.token] = key
