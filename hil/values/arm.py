@@ -2,10 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
-from hil.values.fri import ControlMode, DriveState
-from hil.values.robot import Seven
+from hil.values.errors import OutOfRange
+from hil.values.fri import DriveState
+from hil.values.robot import JOINT_COUNT, Seven, Three
+
+MAX_PUSH_N: Final = 500.0
+MAX_PUSH_NM: Final = 100.0
+DEFAULT_PUSH_S: Final = 1.0
+MAX_PUSH_S: Final = 60.0
+"""What a person can do to an arm, and a little more. Ours."""
 
 
 class ArmState(NamedTuple):
@@ -13,9 +20,9 @@ class ArmState(NamedTuple):
 
     ``position_rad`` and ``velocity_rad_s`` in the robot's own sense of rotation. ``torque_nm`` is what the joint torque
     sensors show, in the sign of the facts (section 4.4): minus the actuation torque. ``external_torque_nm`` is positive
-    when the environment pushes a joint towards plus. ``commanded_torque_nm`` has the sign of ``torque_nm``; it is what
-    the drives are asked for, before their own limits cut it. ``sample`` grows with each new measurement: the same
-    number again is the same measurement again.
+    when the environment pushes a joint towards plus; a robot side that does not estimate it reports zeros.
+    ``commanded_torque_nm`` has the sign of ``torque_nm``; it is what the drives are asked for, before their own limits
+    cut it. ``sample`` grows with each new measurement: the same number again is the same measurement again.
     """
 
     position_rad: Seven
@@ -30,12 +37,40 @@ class ArmState(NamedTuple):
 class JointCommand(NamedTuple):
     """What the arm is told for the next cycle: position in rad, its rate in rad/s, and the rate of that in rad/s2.
 
-    The acceleration is 0 where it is not planned: a robot side may feed it forward, and must follow without it.
+    The acceleration is 0 where it is not planned: a robot side may feed it forward, and must follow without it. With
+    a torque the arm is not led to the position: its motors give that torque, gravity and all is in it. Only where
+    ``takes_torque`` is true.
     """
 
     position_rad: Seven
     velocity_rad_s: Seven
     acceleration_rad_s2: Seven = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    torque_nm: Seven | None = None
+    """Of the motors, positive towards plus."""
+
+
+class Push(NamedTuple):
+    """What somebody does to a simulated arm: force and moment, axes of the robot base, at the outer end of a link."""
+
+    link: int
+    """1 to 7; the end of the last one is the flange."""
+    force_n: Three
+    moment_nm: Three
+    duration_s: float
+
+    def check(self) -> None:
+        """Raise :class:`OutOfRange` with name, value and range."""
+        if self.link not in range(1, JOINT_COUNT + 1):
+            raise OutOfRange("link", self.link, f"1 ... {JOINT_COUNT}")
+        for name, values, most, unit in (
+            ("force", self.force_n, MAX_PUSH_N, "N"),
+            ("moment", self.moment_nm, MAX_PUSH_NM, "Nm"),
+        ):
+            for axis, value in zip("xyz", values, strict=True):
+                if not -most <= value <= most:
+                    raise OutOfRange(f"{name} along {axis}", value, f"-{most:g} ... {most:g} {unit}")
+        if not 0.0 <= self.duration_s <= MAX_PUSH_S:
+            raise OutOfRange("duration of a push", self.duration_s, f"0 ... {MAX_PUSH_S:g} s")
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +78,13 @@ class Capabilities:
     """What a robot side can do; told truthfully, because the controller refuses the rest."""
 
     joint_count: int
-    control_modes: frozenset[ControlMode]
+    takes_torque: bool
+    """Whether its motors give torques that they are told, which every control mode but position control needs."""
+    torque_sigma_nm: Seven | None
+    """Standard deviation of its joint torque sensors, from which what pushes the arm is estimated; None: it has none,
+    and says itself what pushes the arm."""
+    can_be_pushed: bool
+    """Whether :meth:`Backend.push` does something."""
     shortest_period_ns: int
     paces_the_cycle: bool
     moves_real_drives: bool
@@ -76,6 +117,9 @@ class Backend(Protocol):
         Idempotent, and returns at once: the drive states of :meth:`read` say when it is done. With dropped drives
         commands mean nothing; drives that come back hold the newest one. Only where ``switches_drives`` is true.
         """
+
+    def push(self, push: Push) -> None:
+        """Push the arm from the next step on, instead of the push before. Only where ``can_be_pushed`` is true."""
 
     def close(self) -> None:
         """Release everything."""

@@ -14,6 +14,12 @@ SEQUENCE_MODULUS: Final = 1 << 32
 CLIENT_PORT: Final = 30200
 MIN_PERIOD_MS: Final = 1
 MAX_PERIOD_MS: Final = 100
+MAX_INPUTS_OUTPUTS: Final = 10
+"""Of a message, either way."""
+MAX_TRANSFORMATIONS: Final = 5
+"""Of a message, either way."""
+MAX_NAME_BYTES: Final = 63
+"""Of an input, an output or a transformation."""
 
 
 class Release(StrEnum):
@@ -96,6 +102,16 @@ class OverlayType(IntEnum):
     NONE = 0
     JOINT = 1
     CARTESIAN = 2
+
+
+class OverlayKind(StrEnum):
+    """What the robot application lets the client lay over its position hold."""
+
+    NONE = "none"
+    JOINT_POSITION = "joint-position"
+    TORQUE = "torque"
+    WRENCH = "wrench"
+    CARTESIAN_POSE = "cartesian-pose"
 
 
 class IOType(IntEnum):

@@ -7,8 +7,10 @@ Categories of stops: IEC 60204-1, 9.2.2. How FRI numbers them: fri-wire page, "s
 from enum import IntEnum, StrEnum
 from typing import Final, NamedTuple, TypeAlias
 
+from hil.values.arm import Push
 from hil.values.errors import OutOfRange
 from hil.values.fri import OperationMode, SafetyState
+from hil.values.signals import SignalValue
 
 
 class PadKey(StrEnum):
@@ -51,7 +53,17 @@ class SetOverride(NamedTuple):
             raise OutOfRange("program override", self.percent, "0 ... 100 %")
 
 
-OperatorAction: TypeAlias = Press | SelectMode | SetOverride
+class SetInput(NamedTuple):
+    """An input of the robot's periphery gets a value."""
+
+    name: str
+    """``Group.Name``."""
+    value: SignalValue
+
+
+ProgramAction: TypeAlias = Press | SelectMode | SetOverride | Push
+"""What decides whether motions run, and how fast; and pushes."""
+OperatorAction: TypeAlias = ProgramAction | SetInput
 
 
 class ProgramState(IntEnum):

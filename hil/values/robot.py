@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+Three = tuple[float, float, float]
 Seven = tuple[float, float, float, float, float, float, float]
 
 JOINT_COUNT = 7

@@ -12,13 +12,18 @@ Times ``..._ns`` are nanoseconds on the controller's own axis, which starts at 0
 from enum import IntEnum
 from typing import Final, NamedTuple, Protocol, TypeAlias
 
+from hil.values.control import POSITION_CONTROL, ControlModeSettings
+from hil.values.frames import FLANGE, Frame
+from hil.values.fri import ControlMode
 from hil.values.motion import FineInterpolatorState, MotionEnd, MotionKind, MotionParameters, MotionPhase
 from hil.values.operator import OperatorView
+from hil.values.pose import Pose
 
-PROTOCOL_VERSION: Final = 2
+PROTOCOL_VERSION: Final = 3
 SERVO_PORT: Final = 30300
 """Ours; beside the FRI ports 30200 to 30209."""
-MAX_SERVO_DATAGRAM_BYTES: Final = 1400
+MAX_SERVO_DATAGRAM_BYTES: Final = 1472
+"""What one Ethernet frame of 1500 bytes carries."""
 MIN_HELLO_BYTES: Final = 400
 """A hello is filled up to this size, so that no answer to one is longer than what asked for it."""
 MAX_REQUESTS_IN_PACKET: Final = 6
@@ -33,7 +38,7 @@ MAX_NAME_BYTES: Final = 63
 MAX_COMMANDER_BYTES: Final = 96
 """Of a snapshot's commander: a name, and an address."""
 MAX_REASON_BYTES: Final = 200
-MAX_DETAIL_BYTES: Final = 180
+MAX_DETAIL_BYTES: Final = 160
 """Texts that are longer travel cut, and end with an ellipsis."""
 MIN_WATCHDOG_MS: Final = 20
 MAX_WATCHDOG_MS: Final = 10_000
@@ -50,6 +55,8 @@ class Role(IntEnum):
 
     OBSERVER = 1
     COMMANDER = 2
+    OPERATOR = 3
+    """May push a simulated arm; any number of them."""
 
 
 class RequestError(IntEnum):
@@ -64,22 +71,28 @@ class RequestError(IntEnum):
 class StartMotion(NamedTuple):
     """Start a motion, or queue it behind the ones that are there; the motion is known by this ``number``.
 
-    Without a ``destination`` it begins where the arm is when the motion takes over.
+    Without a ``destination`` it begins where the arm is when the motion takes over. ``flange_in_base`` is the
+    destination as a pose, which the controller turns into the axis positions nearest to where the arm is then.
     """
 
     number: int
     kind: MotionKind
     parameters: MotionParameters
     destination: Vector | None
+    flange_in_base: Pose | None = None
+    mode: ControlModeSettings = POSITION_CONTROL
+    frame: str = FLANGE
+    """What is moved: the load of its tool is the one to reckon with, and impedance acts in it."""
 
 
 class SetDestination(NamedTuple):
-    """A new destination for ``motion``: position in rad, velocity there in rad/s (SmartServo only)."""
+    """A new destination for ``motion``: position in rad, velocity there in rad/s (SmartServo only); or a pose."""
 
     number: int
     motion: int
     position: Vector | None
     velocity: Vector | None = None
+    flange_in_base: Pose | None = None
 
 
 class SetRuntimeParameters(NamedTuple):
@@ -92,6 +105,34 @@ class SetRuntimeParameters(NamedTuple):
     wait_for_pause: bool | None = None
 
 
+class ChangeControlMode(NamedTuple):
+    """Change the parameters ``motion`` is controlled with (manual 7.10.3); the kind of control stays."""
+
+    number: int
+    motion: int
+    mode: ControlModeSettings
+
+
+class ValidateLoad(NamedTuple):
+    """Compare the load of the tool of ``frame`` with what the torque sensors show at rest (manual 7.10.1)."""
+
+    number: int
+    frame: str
+
+
+class PushArm(NamedTuple):
+    """Push a link (1 to 7) of a simulated arm at its outer end, the last one at the flange; operators only.
+
+    Force in N and moment in Nm, axes of the robot base, for ``duration_s``; a new push replaces the one before.
+    """
+
+    number: int
+    link: int
+    force_n: Vector
+    moment_nm: Vector
+    duration_s: float
+
+
 class StopMotion(NamedTuple):
     """Brake ``motion`` and end it."""
 
@@ -99,7 +140,31 @@ class StopMotion(NamedTuple):
     motion: int
 
 
-Request: TypeAlias = StartMotion | SetDestination | SetRuntimeParameters | StopMotion
+class DescribeFrame(NamedTuple):
+    """Ask for one frame of the robot's tree, by its place; anybody may ask."""
+
+    number: int
+    place: int
+
+
+class LocateFlange(NamedTuple):
+    """Ask where the flange is in the robot base at axis positions in rad; anybody may ask."""
+
+    number: int
+    position: Vector
+
+
+Request: TypeAlias = (
+    StartMotion
+    | SetDestination
+    | SetRuntimeParameters
+    | ChangeControlMode
+    | StopMotion
+    | DescribeFrame
+    | LocateFlange
+    | ValidateLoad
+    | PushArm
+)
 
 
 class RequestDone(NamedTuple):
@@ -134,7 +199,32 @@ class MotionEnded(NamedTuple):
     detail: str
 
 
-Report: TypeAlias = RequestDone | GoalReached | MotionEnded
+class FrameDescribed(NamedTuple):
+    """Answer to the :class:`DescribeFrame` ``request``: the frame of its place, and how many there are."""
+
+    number: int
+    request: int
+    of: int
+    frame: Frame
+
+
+class FlangeLocated(NamedTuple):
+    """Answer to the :class:`LocateFlange` ``request``."""
+
+    number: int
+    request: int
+    flange_in_base: Pose
+
+
+class LoadValidated(NamedTuple):
+    """Answer to the :class:`ValidateLoad` ``request``; ``reason`` says why the load is not valid, else nothing."""
+
+    number: int
+    request: int
+    reason: str
+
+
+Report: TypeAlias = RequestDone | GoalReached | MotionEnded | FrameDescribed | FlangeLocated | LoadValidated
 
 
 class Hello(NamedTuple):
@@ -234,6 +324,15 @@ class Snapshot(NamedTuple):
     """Set point of the interpolator."""
     measured_torque: Vector
     external_torque: Vector
+    flange_in_base: Pose
+    """Measured, by the controller's kinematics."""
+    control_mode: ControlMode
+    external_torque_variance: Vector
+    """Nm2. This and the estimates at the flange travel in single precision."""
+    flange_force: Vector
+    """Estimated from the external torque: Fx, Fy, Fz in N, Mx, My, Mz in Nm at the flange, axes of the robot base."""
+    flange_force_variance: Vector
+    """N2 and Nm2."""
     commander: str
     """Who commands, for a person; empty when nobody does."""
     motions: tuple[MotionState, ...]

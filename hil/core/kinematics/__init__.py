@@ -1,0 +1,1 @@
+"""Kinematics in closed form: poses, the S-R-S arm forward and inverse, its singularities, its redundancy."""
