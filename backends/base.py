@@ -4,7 +4,7 @@ import math
 from abc import ABC, abstractmethod
 from typing import Final
 
-from hil.values.arm import ArmState, Capabilities, JointCommand
+from hil.values.arm import ArmState, Capabilities, JointCommand, Push
 from hil.values.errors import BackendError, ConfigurationError
 from hil.values.fri import DriveState
 from hil.values.robot import JOINT_COUNT, Seven
@@ -65,8 +65,10 @@ class InProcessBackend(ABC):
         return self._measured
 
     def write(self, command: JointCommand) -> None:
-        """Take the command of this cycle."""
+        """Take the command of this cycle; raise :class:`BackendError` for a torque that no motor here gives."""
         self._require_open("write")
+        if command.torque_nm is not None and not self.capabilities.takes_torque:
+            raise BackendError(f"{type(self).__name__} takes no torque commands")
         try:
             self._write(command)
         except Exception as error:
@@ -105,6 +107,13 @@ class InProcessBackend(ABC):
             self._drive_states = _OFF
         self._measured = measured._replace(drive_states=self._drive_states, commanded_torque_nm=_NO_TORQUE)
 
+    def push(self, push: Push) -> None:
+        """Push the arm from the next step on; raise :class:`BackendError` where nothing can."""
+        period_ns = self._require_open("push")
+        if not self.capabilities.can_be_pushed:
+            raise BackendError(f"{type(self).__name__} cannot be pushed")
+        self._push(push, math.ceil(push.duration_s * 1e9 / period_ns))
+
     def close(self) -> None:
         """Release everything."""
         if self._period_ns is not None:
@@ -142,6 +151,10 @@ class InProcessBackend(ABC):
     @abstractmethod
     def _release_brakes(self) -> None:
         """From the next step on the drives hold the newest command, or the one that comes before that step."""
+
+    def _push(self, push: Push, steps: int, /) -> None:
+        """Only a backend that can be pushed has more to do here."""
+        raise NotImplementedError
 
     def _close(self) -> None:
         """Nothing to release unless a backend says so."""

@@ -5,7 +5,6 @@ Not modelled: mass, friction, torque (all torques are zero), contact, sensor noi
 
 from backends.base import InProcessBackend
 from hil.values.arm import ArmState, Capabilities, JointCommand
-from hil.values.fri import ControlMode
 from hil.values.robot import JOINT_COUNT, RobotDescription, Seven
 
 _ZERO: Seven = (0.0,) * JOINT_COUNT  # type: ignore[assignment]
@@ -26,7 +25,9 @@ class IdealBackend(InProcessBackend):
         """Seven joints, position control, drives that can be dropped, cycles of whole milliseconds."""
         return Capabilities(
             joint_count=JOINT_COUNT,
-            control_modes=frozenset({ControlMode.POSITION}),
+            takes_torque=False,
+            torque_sigma_nm=None,
+            can_be_pushed=False,
             shortest_period_ns=1_000_000,
             paces_the_cycle=False,
             moves_real_drives=False,
@@ -47,7 +48,7 @@ class IdealBackend(InProcessBackend):
         if self._braked:
             self._velocity = _ZERO
         else:
-            self._position, self._velocity, _ = self._next
+            self._position, self._velocity = self._next.position_rad, self._next.velocity_rad_s
 
     def _apply_brakes(self) -> None:
         self._braked = True

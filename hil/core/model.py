@@ -8,9 +8,13 @@ from typing import Final
 import numpy as np
 import pinocchio
 
+from hil.core.control.dynamics import Dynamics
+from hil.core.control.friction import FrictionCompensation
+from hil.core.kinematics.srs import SrsKinematics
 from hil.core.motion.set_point import STILL
 from hil.values.arm import seven
-from hil.values.robot import JOINT_COUNT, Seven
+from hil.values.load import Load
+from hil.values.robot import JOINT_COUNT, JointLimits, Seven
 
 _STATE: Final = Struct(f"{2 * JOINT_COUNT}d")
 """Positions and velocities, in the machine's own order of bytes."""
@@ -29,6 +33,19 @@ class ArmModel:
         self._position, self._velocity = self._state
         self._memory = self._state.data.cast("B")
         self._reach_mm = _reach_mm(model, model.frames[self._frame])
+
+    def kinematics(self, limits: JointLimits) -> SrsKinematics:
+        """Return the closed-form kinematics of this arm within axis limits; raise :class:`ConfigurationError`."""
+        return SrsKinematics(self._model, limits, flange_frame=self._model.frames[self._frame].name)
+
+    def dynamics(self, load: Load) -> Dynamics:
+        """Return the dynamics of this arm with a load in its flange; friction as the model has it is made up for."""
+        return Dynamics(
+            self._model,
+            flange_frame=self._model.frames[self._frame].name,
+            load=load,
+            friction=FrictionCompensation(self._model),
+        )
 
     def flange_speed_bound_mm_s(self, velocity_rad_s: Seven) -> float:
         """Return a speed in mm/s that the flange's origin exceeds in no pose, at a fraction of the exact one's cost."""

@@ -8,9 +8,9 @@ from backends.base import BRAKE_RELEASE_NS, InProcessBackend
 from backends.ideal import IdealBackend
 from backends.mujoco import MujocoBackend
 from backends.robots import load_description, robot_names
-from hil.values.arm import ArmState, Backend, JointCommand, seven
+from hil.values.arm import ArmState, Backend, JointCommand, Push, seven
 from hil.values.errors import BackendError, ConfigurationError
-from hil.values.fri import ControlMode, DriveState
+from hil.values.fri import DriveState
 from hil.values.robot import RobotDescription, Seven
 
 STILL: Seven = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -63,7 +63,6 @@ def drive_states_of_steps(backend: Backend, steps: int) -> list[tuple[DriveState
 def test_it_tells_what_it_can_do(backend: InProcessBackend) -> None:
     capabilities = backend.capabilities
     assert capabilities.joint_count == 7
-    assert capabilities.control_modes == {ControlMode.POSITION}
     assert not capabilities.paces_the_cycle
     assert not capabilities.moves_real_drives
     assert capabilities.switches_drives
@@ -284,3 +283,61 @@ def test_an_arm_opened_again_stands_where_it_was_with_its_drives_on(
     assert backend.read().position_rad == pytest.approx(before.position_rad, abs=1e-4)
     hold(backend, shifted(before.position_rad, 1e-3), 200)
     assert backend.read().position_rad == pytest.approx(shifted(before.position_rad, 1e-3), abs=1e-4)
+
+
+def test_a_torque_is_given_or_refused(backend: InProcessBackend, description: RobotDescription) -> None:
+    backend.open(period_ns=PERIOD_NS)
+    still = JointCommand(description.initial_position_rad, STILL, STILL, STILL)
+    if not backend.capabilities.takes_torque:
+        with pytest.raises(BackendError, match="takes no torque commands"):
+            backend.write(still)
+        return
+    # Motors that give nothing let the arm fall.
+    for _ in range(300):
+        backend.write(still)
+        backend.step()
+    fallen = backend.read()
+    assert fallen.commanded_torque_nm == pytest.approx(STILL)
+    assert fallen.position_rad[1] - description.initial_position_rad[1] > 0.02
+    # A position that is commanded next is reached from wherever the arm is.
+    hold(backend, fallen.position_rad, 500)
+    caught = backend.read()
+    assert caught.position_rad == pytest.approx(fallen.position_rad, abs=1e-3)
+    assert max(map(abs, caught.velocity_rad_s)) < 1e-3
+
+
+def test_drives_that_come_back_after_torques_hold_the_arm_where_it_is(backend: InProcessBackend) -> None:
+    backend.open(period_ns=PERIOD_NS)
+    torque = STILL if backend.capabilities.takes_torque else None
+    for _ in range(100):
+        backend.write(JointCommand(backend.read().position_rad, STILL, STILL, torque))
+        backend.step()
+    backend.switch_drives(on=False)
+    for _ in range(500):
+        backend.step()
+    rested = backend.read().position_rad
+    backend.switch_drives(on=True)
+    for _ in range(BRAKE_RELEASE_NS // PERIOD_NS + 500):
+        backend.step()
+    # It still moved when the brakes gripped.
+    assert backend.read().position_rad == pytest.approx(rested, abs=5e-3)
+
+
+@pytest.mark.parametrize("link", range(1, 8))
+def test_a_push_is_felt_or_refused(backend: InProcessBackend, description: RobotDescription, link: int) -> None:
+    backend.open(period_ns=PERIOD_NS)
+    push = Push(link, (0.0, 30.0, 0.0), (0.0, 0.0, 5.0), 0.3)
+    if not backend.capabilities.can_be_pushed:
+        with pytest.raises(BackendError, match="cannot be pushed"):
+            backend.push(push)
+        return
+    start = description.initial_position_rad
+    hold(backend, start, 100)
+    before = backend.read().torque_nm[0]
+    backend.push(push)
+    hold(backend, start, 290)
+    # About A1: the moment, and the force with its lever, which no link makes negative in this pose.
+    felt = before - backend.read().torque_nm[0]
+    assert felt < -3.0 or felt > 3.0
+    hold(backend, start, 300)
+    assert backend.read().torque_nm[0] == pytest.approx(before, abs=1.0)

@@ -1,0 +1,1 @@
+"""Control laws: set point and measured state in, seven actuation torques out, once a cycle. See ``law.ControlLaw``."""
