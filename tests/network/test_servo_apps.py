@@ -5,6 +5,8 @@ import re
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -18,7 +20,7 @@ from hil.client.servo import (
     SmartServo,
     load_key,
 )
-from tests.support.processes import ROOT, finish, hil, own_host
+from tests.support.processes import ROOT, finish, hil, own_host, wait_for_line
 from tests.support.servo_process import servo_controller
 
 STATISTICS = r"n\((\d+)\) T\(\d+\.\d\d, \d+\.\d\d, \d+\.\d\d msec\) \(stdDev \d+\.\d\d\)"
@@ -177,3 +179,71 @@ def test_options_that_cannot_work_are_refused_in_words(arguments: list[str], sen
     assert ended.code == 2
     assert sentence in ended.err
     assert "Traceback" not in ended.err
+
+
+STATION = """
+[[robot]]
+[robot.servo]
+bind = "{bind}"
+[[robot.tool]]
+name = "gripper"
+mass_kg = 1.0
+centre_mm = [0.0, 0.0, 40.0]
+mounted = true
+[[robot.tool.frame]]
+name = "tip"
+z_mm = 120.0
+[[robot.frame]]
+name = "table"
+x_mm = 400.0
+a_deg = 90.0
+"""
+
+
+@contextmanager
+def station(tmp_path: Path) -> Iterator[str]:
+    """Run a controller with a tool and a table; yield where its applications connect."""
+    file = tmp_path / "station.toml"
+    bind = f"{own_host()}:0"
+    file.write_text(STATION.format(bind=bind), encoding="utf-8")
+    process = hil("run", file, "--pad", "off", "--servo", bind)
+    lines = wait_for_line(process, "applications at ")
+    found = re.search(r"applications at (\S+),", lines[-1])
+    assert found is not None, lines
+    try:
+        yield found[1]
+    finally:
+        process.send_signal(signal.SIGINT)
+        ended = finish(process)
+        assert ended.code == 0, ended.err
+
+
+@pytest.mark.parametrize("name", ["smart_servo_cartesian", "direct_servo_cartesian"])
+def test_the_cartesian_samples_move_the_tip_of_a_tool_over_a_table(name: str, tmp_path: Path) -> None:
+    picture, figures = tmp_path / "motion.png", tmp_path / "figures.json"
+    with station(tmp_path) as address:
+        arguments = ("--controller", address, "--frame", "tip", "--reference", "table", "--seconds", 2)
+        ended = finish(application(name, *arguments, "--frequency", 0.5, "--plot", picture, "--json", figures))
+        wrong = finish(application(name, "--controller", address, "--frame", "table"))
+    assert ended.code == 0, ended.err
+    assert re.search(f"^Statistic Timing of Overall Loop {STATISTICS}$", ended.out, re.MULTILINE), ended.out
+    assert json.loads(figures.read_text())["peak_m"] == pytest.approx(0.038, abs=0.006)
+    assert picture.read_bytes().startswith(PNG)
+    assert wrong.code == 2
+    assert "'table' stands still in the base" in wrong.err
+
+
+@pytest.mark.parametrize("name", ["smart_servo_interaction_control", "direct_servo_interaction_control"])
+def test_the_interaction_samples_give_way_by_force_over_stiffness(name: str, tmp_path: Path) -> None:
+    picture, figures = tmp_path / "motion.png", tmp_path / "figures.json"
+    with station(tmp_path) as address:
+        arguments = ("--controller", address, "--frame", "tip", "--seconds", 6)
+        ended = finish(application(name, *arguments, "--plot", picture, "--json", figures))
+        without_tool = finish(application(name, "--controller", address, "--frame", "flange"))
+    assert ended.code == 0, ended.err
+    assert "now under JOINT_IMPEDANCE" in ended.out
+    soft, *_, stiff = json.loads(figures.read_text())["deflection_mm"]
+    assert soft - stiff == pytest.approx(1e3 * 15.0 * (1 / 500 - 1 / 2000), rel=0.05)
+    assert picture.read_bytes().startswith(PNG)
+    assert without_tool.code == 2
+    assert "Validation of Torque Model failed: the load of 0 kg that was told" in without_tool.err

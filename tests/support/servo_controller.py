@@ -3,33 +3,48 @@
 It keeps the protocol of :mod:`hil.values.servo` to the letter and knows nothing of motion: a destination is reached a
 few ticks after it came, a PTP ends there, a servo motion rests for its timeout. While it is paused nothing moves, and
 destinations of motions that wait for pause are not done yet, nor is what was asked after them.
+
+Its arm is no arm: A1, A2, A3 are x, y, z of the flange in metres, A4, A5, A6 are A, B, C in rad, and A7 is the
+redundancy, which a destination given as a pose leaves as it is. A pose with a coordinate beyond 2 m is out of reach.
 """
 
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
+from hil.values.control import ControlSetup
 from hil.values.errors import MalformedDatagram
-from hil.values.fri import OperationMode, SafetyState
+from hil.values.frames import Frame, FrameKind, FrameTree
+from hil.values.fri import ControlMode, OperationMode, SafetyState
+from hil.values.load import Load
 from hil.values.motion import ErrorReason, FineInterpolatorState, MotionEnd, MotionKind, MotionPhase
 from hil.values.operator import OperatorView, ProgramState
+from hil.values.pose import Pose
 from hil.values.servo import (
     MAX_REPORTS_IN_PACKET,
     PROTOCOL_VERSION,
+    ChangeControlMode,
     Command,
+    DescribeFrame,
     Ended,
+    FlangeLocated,
+    FrameDescribed,
     FromController,
     GoalReached,
     Goodbye,
     Hello,
+    LoadValidated,
+    LocateFlange,
     MotionEnded,
     MotionState,
+    PushArm,
     Refused,
     Report,
     Request,
     RequestDone,
     RequestError,
+    Role,
     ServoClientCodec,
     ServoControllerCodec,
     SetDestination,
@@ -38,6 +53,7 @@ from hil.values.servo import (
     StartMotion,
     State,
     StopMotion,
+    ValidateLoad,
     Vector,
     Welcome,
 )
@@ -54,6 +70,44 @@ RUNNING = OperatorView(
 PAUSED = RUNNING._replace(program=ProgramState.PAUSED, reason=PRESS_START)
 STOPPED_BY_APPLICATION = "stopped by the application"
 NOT_ACTIVE = "waitForTransferred called prematurely - RealtimeMotion is not active"
+
+
+Outcome: TypeAlias = tuple[RequestError, str, str]
+TAKEN: Outcome = RequestError.NONE, "", ""
+REACH_M = 2.0
+FRAMES = FrameTree(
+    [
+        Frame(
+            "gripper",
+            FrameKind.TOOL,
+            "flange",
+            Pose.from_abc_deg((0.0, 0.0, 0.05), 0, 0, 30),
+            Load(1.5, (0.0, 0.0, 0.04), (0.01, 0.01, 0.005), (0.0, 0.0, 0.0)),
+        ),
+        Frame("tip", FrameKind.TOOL_FRAME, "gripper", Pose.from_abc_deg((0.01, -0.02, 0.15), 0, 0, 0)),
+        Frame("side", FrameKind.TOOL_FRAME, "gripper", Pose.from_abc_deg((0.0, 0.1, 0.0), 90, 0, 0)),
+        Frame("table", FrameKind.REFERENCE, "world", Pose.from_abc_deg((0.8, 0.1, 0.0), 45, 0, 0)),
+        Frame("hole", FrameKind.REFERENCE, "table", Pose.from_abc_deg((0.1, 0.2, 0.02), 0, 180, 0)),
+    ],
+    base_in_world=Pose.from_abc_deg((0.1, 0.0, 0.9), 90, 0, 0),
+)
+
+
+FIRST = len(FRAMES) + 1
+"""Number of the first request of a client that has fetched the frames."""
+
+
+def forward(position: Vector) -> Pose:
+    """Return where the flange of the arm that is none is in the base."""
+    x, y, z, a, b, c, _ = position
+    return Pose.from_abc_rad((x, y, z), a, b, c)
+
+
+def nearest(flange_in_base: Pose, position: Vector) -> Vector | None:
+    """Return the axis positions of a pose; A7 is the one of ``position``. None where it is out of reach."""
+    if max(map(abs, flange_in_base.position_m)) > REACH_M:
+        return None
+    return (*flange_in_base.position_m, *flange_in_base.abc_rad(), position[6])
 
 
 class ServoCodecs(ServoClientCodec, ServoControllerCodec, Protocol):
@@ -91,11 +145,16 @@ class StandIn:
     answers_commands: bool = True
     holds: bool = False
     """Whether a destination is reached only when the test says so: :meth:`arrive`."""
+    frames: FrameTree = field(default_factory=lambda: FRAMES)
+    valid_frames: tuple[str, ...] = ("flange",)
+    """Frames whose load is the true one."""
     now_ns: int = 0
     token: int = 0
     outgoing: list[bytes] = field(default_factory=list)
     taken: list[Request] = field(default_factory=list)
-    """Requests, in the order they were done."""
+    """Requests that change something, in the order they were done."""
+    questions: list[DescribeFrame | LocateFlange | ValidateLoad] = field(default_factory=list)
+    """The others."""
     left: int = 0
     """Sessions that said goodbye."""
     hellos: list[Hello] = field(default_factory=list)
@@ -172,7 +231,20 @@ class StandIn:
         shown = tuple(self._shown(place, motion) for place, motion in enumerate(self.motions))
         still = (0.0,) * 7
         return Snapshot(
-            self.now_ns, self._ticks, self.operator, self.position, self.position, still, still, "test", shown
+            self.now_ns,
+            self._ticks,
+            self.operator,
+            self.position,
+            self.position,
+            still,
+            still,
+            forward(self.position),
+            ControlSetup(self.motions[0].start.mode).kind if self.motions else ControlMode.POSITION,
+            still,
+            still[:6],
+            still[:6],
+            "test",
+            shown,
         )
 
     def pause(self) -> None:
@@ -254,7 +326,10 @@ class StandIn:
             if held and self._is_superseded(request):
                 continue
             self._requests_done = request.number
-            self.taken.append(request)
+            if isinstance(request, DescribeFrame | LocateFlange):
+                self.questions.append(request)
+            else:
+                self.taken.append(request)
             self._do(request, stopped=held and moving is not None and moving.waits)
 
     def _released(self, moving: Moving) -> bool:
@@ -282,30 +357,85 @@ class StandIn:
         at_ns = self.now_ns
         self.report(lambda number: RequestDone(number, request.number, at_ns, error, reason, detail))
 
-    def _outcome(self, request: Request) -> tuple[RequestError, str, str]:
+    def _outcome(self, request: Request) -> Outcome:
+        if isinstance(request, DescribeFrame | LocateFlange | ValidateLoad):
+            return self._answer(request)
         if isinstance(request, StartMotion):
-            waits = request.parameters.wait_for_pause
-            self.motions.append(Moving(request, request.destination or self.position, self.now_ns, waits=waits))
-            return RequestError.NONE, "", ""
+            return self._start(request)
+        if isinstance(request, PushArm):
+            operator = self.hellos[-1].role is Role.OPERATOR
+            return TAKEN if operator else (RequestError.ILLEGAL_STATE, "only an operator pushes the arm", "")
         moving = self._moving(request.motion)
         if moving is None:
-            return RequestError.COMMAND_INVALID, "it has ended", f"motion {request.motion}"
-        if isinstance(request, StopMotion):
-            if moving is not self.motions[0]:
-                return RequestError.ILLEGAL_STATE, NOT_ACTIVE, ""
-            self._end(moving, MotionEnd.STOPPED, STOPPED_BY_APPLICATION, "")
-        elif isinstance(request, SetDestination):
-            if request.position is None or len(request.position) != 7:
-                detail = f"{len(request.position or ())} axes"
-                self._end(moving, MotionEnd.FAILED, ErrorReason.NUMBER_OF_DOFS, detail)
-                return RequestError.COMMAND_INVALID, ErrorReason.NUMBER_OF_DOFS, detail
-            moving.destination, moving.destination_at_ns = request.position, self.now_ns
-            moving.ticks_to_goal, moving.received, moving.arrives = TICKS_TO_GOAL, moving.received + 1, False
-        elif request.minimum_execution_time_s == 1e9:
+            return RequestError.COMMAND_INVALID, "it has ended", f"request {request.number}"
+        return self._change(moving, request)
+
+    def _change(
+        self, moving: Moving, request: SetDestination | ChangeControlMode | StopMotion | SetRuntimeParameters
+    ) -> Outcome:
+        if isinstance(request, SetDestination):
+            return self._set_destination(moving, request)
+        if isinstance(request, ChangeControlMode):
+            return self._change_mode(moving, request)
+        return self._stop(moving) if isinstance(request, StopMotion) else self._set_parameters(moving, request)
+
+    @staticmethod
+    def _change_mode(moving: Moving, request: ChangeControlMode) -> Outcome:
+        if type(request.mode) is not type(moving.start.mode):
+            return RequestError.ILLEGAL_ARGUMENT, "the kind stays", ""
+        moving.start = moving.start._replace(mode=request.mode)
+        return TAKEN
+
+    def _set_parameters(self, moving: Moving, request: SetRuntimeParameters) -> Outcome:
+        if request.minimum_execution_time_s == 1e9:
             return RequestError.ILLEGAL_ARGUMENT, "too long for a test", "1e9 s"
-        elif request.wait_for_pause is not None:
+        if request.wait_for_pause is not None:
             moving.waits = request.wait_for_pause
-        return RequestError.NONE, "", ""
+        return TAKEN
+
+    def _stop(self, moving: Moving) -> Outcome:
+        if moving is not self.motions[0]:
+            return RequestError.ILLEGAL_STATE, NOT_ACTIVE, ""
+        self._end(moving, MotionEnd.STOPPED, STOPPED_BY_APPLICATION, "")
+        return TAKEN
+
+    def _start(self, request: StartMotion) -> Outcome:
+        waits = request.parameters.wait_for_pause
+        destination = request.destination or self.position
+        if request.flange_in_base is not None:
+            destination = nearest(request.flange_in_base, self.position) or self.position
+        self.motions.append(Moving(request, destination, self.now_ns, waits=waits))
+        return TAKEN
+
+    def _set_destination(self, moving: Moving, request: SetDestination) -> Outcome:
+        position = request.position
+        if request.flange_in_base is not None:
+            position = nearest(request.flange_in_base, self.position)
+            if position is None:
+                return self._fail(moving, ErrorReason.POSITIONAL_LIMITS, f"beyond {REACH_M:g} m")
+        if position is None or len(position) != 7:
+            return self._fail(moving, ErrorReason.NUMBER_OF_DOFS, f"{len(position or ())} axes")
+        moving.destination, moving.destination_at_ns = position, self.now_ns
+        moving.ticks_to_goal, moving.received, moving.arrives = TICKS_TO_GOAL, moving.received + 1, False
+        return TAKEN
+
+    def _fail(self, moving: Moving, reason: str, detail: str) -> Outcome:
+        self._end(moving, MotionEnd.FAILED, reason, detail)
+        return RequestError.COMMAND_INVALID, reason, detail
+
+    def _answer(self, request: DescribeFrame | LocateFlange | ValidateLoad) -> Outcome:
+        """Report the answer to a question, before the report that it is done."""
+        if isinstance(request, DescribeFrame):
+            frames = list(self.frames.values())
+            if request.place >= len(frames):
+                return RequestError.ILLEGAL_ARGUMENT, f"there is no frame {request.place}", ""
+            self.report(lambda number: FrameDescribed(number, request.number, len(frames), frames[request.place]))
+        elif isinstance(request, ValidateLoad):
+            reason = "" if request.frame in self.valid_frames else "the load is another"
+            self.report(lambda number: LoadValidated(number, request.number, reason))
+        else:
+            self.report(lambda number: FlangeLocated(number, request.number, forward(request.position)))
+        return TAKEN
 
     def _move(self) -> None:
         if not self.motions:

@@ -21,11 +21,14 @@ from hil.core.settings import (
     SafetySettings,
     ServoSettings,
 )
+from hil.values.frames import FrameTree
 from hil.values.fri import OperationMode, Release
 from hil.values.link import Address, Source
+from hil.values.load import NO_LOAD, Load
 from hil.values.motion import MotionKind, MotionParameters
 from hil.values.operator import PadKey, Press, SelectMode
 from hil.values.outcomes import Outcome
+from hil.values.pose import Pose
 from hil.values.robot import RobotDescription
 from hil.values.servo import (
     PROTOCOL_VERSION,
@@ -75,6 +78,8 @@ class ServoBench:
         reaction: ReactionSettings = IDEAL_REACTION,
         key: bytes | None = None,
         fri: FriSettings | None = None,
+        frames: FrameTree | None = None,
+        load: Load = NO_LOAD,
     ) -> None:
         self.description = load_description(robot)
         self.backend = backend(self.description)
@@ -87,6 +92,8 @@ class ServoBench:
             reaction=reaction,
             safety=safety or SafetySettings(),
             enabled=enabled,
+            frames=FrameTree() if frames is None else frames,
+            load=load,
         )
         self.backend.open(period_ns=self.settings.cycle_ns)
         self.codec = ServoCodec(key)
@@ -231,17 +238,21 @@ class Application:
         return [done for done in self.done if done.request in numbers]
 
     def start(
-        self, kind: MotionKind, destination: Vector | None = None, parameters: MotionParameters | None = None
+        self, kind: MotionKind, destination: Vector | Pose | None = None, parameters: MotionParameters | None = None
     ) -> int:
-        """Start a motion and return its number; fail if it is refused."""
+        """Start a motion, to axis positions or a pose of the flange, and return its number; fail if it is refused."""
         chosen = parameters or MotionParameters()
-        [done] = self.ask(lambda number: StartMotion(number, kind, chosen, destination))
+        position, flange_in_base = (None, destination) if isinstance(destination, Pose) else (destination, None)
+        [done] = self.ask(lambda number: StartMotion(number, kind, chosen, position, flange_in_base))
         assert not done.error, done
         return done.request
 
-    def set_destination(self, motion: int, position: Vector | None, velocity: Vector | None = None) -> RequestDone:
-        """Set a destination and return what became of it."""
-        [done] = self.ask(lambda number: SetDestination(number, motion, position, velocity))
+    def set_destination(
+        self, motion: int, destination: Vector | Pose | None, velocity: Vector | None = None
+    ) -> RequestDone:
+        """Set a destination, axis positions or a pose of the flange, and return what became of it."""
+        position, flange_in_base = (None, destination) if isinstance(destination, Pose) else (destination, None)
+        [done] = self.ask(lambda number: SetDestination(number, motion, position, velocity, flange_in_base))
         return done
 
     def stop(self, motion: int) -> RequestDone:

@@ -25,7 +25,7 @@ from hil.client.servo import (
     Vector,
 )
 from hil.values.servo import PROTOCOL_VERSION, Command, Refused, SetDestination, SetRuntimeParameters
-from tests.support.servo_controller import PAUSED, PRESS_START, RUNNING, START, UNIX_EPOCH_NS, StandIn
+from tests.support.servo_controller import FIRST, PAUSED, PRESS_START, RUNNING, START, UNIX_EPOCH_NS, StandIn
 from tests.support.servo_served import PATIENCE_S, Served, served
 from transport.servo import ServoCodec
 
@@ -101,7 +101,9 @@ async def test_a_whole_session(controller: Served) -> None:
         while not runtime.is_destination_reached():
             await runtime.update_with_realtime_system()
         assert runtime.get_axis_q_msr_on_controller() == raised(0.2)
-        assert str(runtime).startswith("SmartServo 2 ACTIVE, interpolator RESTING, remaining 0.000 s\ntiming update")
+        assert str(runtime).startswith(
+            f"SmartServo {FIRST + 1} ACTIVE, interpolator RESTING, remaining 0.000 s\ntiming update"
+        )
         assert await runtime.stop_motion()
         assert not await runtime.stop_motion()
         assert not await motion.stop_motion()
@@ -120,10 +122,10 @@ async def test_runtime_parameters_and_velocities(client: AsyncServoClient, contr
     await runtime.activate_wait_for_pause_during_set_destination(False)
     await runtime.set_destination(raised(0.1), [0.1] * 7)
     assert controller.do(lambda stand_in: stand_in.taken[1:]) == [
-        SetRuntimeParameters(2, 1, 0.05, None, None),
-        SetRuntimeParameters(3, 1, None, True, None),
-        SetRuntimeParameters(4, 1, None, None, False),
-        SetDestination(5, 1, raised(0.1), (0.1,) * 7),
+        SetRuntimeParameters(FIRST + 1, FIRST, 0.05, None, None),
+        SetRuntimeParameters(FIRST + 2, FIRST, None, True, None),
+        SetRuntimeParameters(FIRST + 3, FIRST, None, None, False),
+        SetDestination(FIRST + 4, FIRST, raised(0.1), (0.1,) * 7),
     ]
     direct = AsyncDirectServo()
     await client.move_async(direct)

@@ -42,6 +42,7 @@ from hil.values.servo import (
     StartMotion,
 )
 from tests.support.servo_controller import (
+    FIRST,
     MS,
     PAUSED,
     PRESS_START,
@@ -194,7 +195,7 @@ def test_the_three_texts_of_a_runtime(client: ServoClient, held: Served) -> None
     runtime = smart(client)
     runtime.set_destination(raised(0.1))
     short = str(runtime).splitlines()
-    assert short[0].startswith("SmartServo 1 ACTIVE, interpolator MOVING, remaining 0.00")
+    assert short[0].startswith(f"SmartServo {FIRST} ACTIVE, interpolator MOVING, remaining 0.00")
     assert short[1].startswith("timing update Controller n(1) T(")
     assert short[2].startswith("timing SetDestination n(1) T(")
     assert len(short) == 3
@@ -212,7 +213,7 @@ def test_the_three_texts_of_a_runtime(client: ServoClient, held: Served) -> None
         with pytest.raises(OutOfRange, match=f"detailed output {wrong} is outside its range 1, 2, 3"):
             runtime.set_detailed_output(wrong)
     runtime.stop_motion()
-    assert str(runtime).startswith("SmartServo 1 ENDED (STOPPED): stopped by the application")
+    assert str(runtime).startswith(f"SmartServo {FIRST} ENDED (STOPPED): stopped by the application")
 
 
 def test_runtime_parameters(client: ServoClient, controller: Served) -> None:
@@ -221,9 +222,9 @@ def test_runtime_parameters(client: ServoClient, controller: Served) -> None:
     runtime.activate_velocity_planning()
     runtime.activate_wait_for_pause_during_set_destination(False)
     assert controller.do(lambda stand_in: stand_in.taken[1:]) == [
-        SetRuntimeParameters(2, 1, 0.05, None, None),
-        SetRuntimeParameters(3, 1, None, True, None),
-        SetRuntimeParameters(4, 1, None, None, False),
+        SetRuntimeParameters(FIRST + 1, FIRST, 0.05, None, None),
+        SetRuntimeParameters(FIRST + 2, FIRST, None, True, None),
+        SetRuntimeParameters(FIRST + 3, FIRST, None, None, False),
     ]
     with pytest.raises(OutOfRange, match="minimum trajectory execution time -1 is outside its range >= 0 s"):
         runtime.set_minimum_trajectory_execution_time(-1)
@@ -233,8 +234,10 @@ def test_runtime_parameters(client: ServoClient, controller: Served) -> None:
 
 
 def test_a_target_velocity_is_for_a_smart_servo(client: ServoClient, controller: Served) -> None:
-    smart(client).set_destination(raised(0.1), velocity=[0.1] * 7)
-    assert controller.do(lambda stand_in: stand_in.taken[-1]) == SetDestination(2, 1, raised(0.1), (0.1,) * 7)
+    smart(client).set_destination(raised(0.1), [0.1] * 7)
+    assert controller.do(lambda stand_in: stand_in.taken[-1]) == SetDestination(
+        FIRST + 1, FIRST, raised(0.1), (0.1,) * 7
+    )
     direct = DirectServo()
     client.move_async(direct)
     with pytest.raises(IllegalArgumentException, match=r"^a DirectServo takes no target velocity"):
@@ -561,11 +564,11 @@ def test_a_newer_destination_takes_the_place_of_one_that_waits(client: ServoClie
         first = pool.submit(runtime.set_destination, raised(0.1))
         controller.until(lambda stand_in: bool(stand_in.waiting))
         second = pool.submit(runtime.set_destination, raised(0.2))
-        controller.until(lambda stand_in: [request.number for request in stand_in.waiting] == [3])
+        controller.until(lambda stand_in: [request.number for request in stand_in.waiting] == [FIRST + 2])
         controller.do(StandIn.resume)
         assert first.result(PATIENCE_S) == second.result(PATIENCE_S)
     taken = controller.do(lambda stand_in: stand_in.taken[1:])
-    assert taken == [SetDestination(3, 1, raised(0.2))]
+    assert taken == [SetDestination(FIRST + 2, FIRST, raised(0.2))]
 
 
 def test_a_paused_controller_that_falls_silent(controller: Served) -> None:

@@ -6,12 +6,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hil.client.servo import CommandInvalidException, EndpointError, IllegalStateException, SessionEnded, SmartServo
+from hil.client.servo import (
+    CommandInvalidException,
+    EndpointError,
+    IllegalStateException,
+    Pose,
+    SessionEnded,
+    SmartServo,
+    SmartServoRuntime,
+)
 from hil.client.servo import _operations as operations
+from hil.client.servo._frames import moved_frame
 from hil.client.servo._operations import Operation, Wait
 from hil.values.servo import GoalReached, MotionEnded, RequestError, SetDestination
 from tests.support.servo_client import Channel, VirtualShell, connected, destination, tell
-from tests.support.servo_controller import PAUSED, START
+from tests.support.servo_controller import FRAMES, PAUSED, START, forward
 
 # Operations
 
@@ -213,3 +222,50 @@ def test_a_burst_of_destinations_over_a_bad_channel_ends_with_the_last_one(seed:
     assert taken[-1].position == ((count - 1) * 1e-3, *START[1:])
     assert len(taken) + shell.session.requests.superseded >= count
     assert len(shell.session.requests) == 0
+
+
+POSES = st.builds(
+    Pose.from_abc_deg,
+    st.tuples(*[st.floats(-0.4, 0.4)] * 3),
+    st.floats(-179.0, 179.0),
+    st.floats(-89.0, 89.0),
+    st.floats(-179.0, 179.0),
+)
+
+
+@settings(max_examples=100)
+@given(
+    seed=st.integers(0, 2**32),
+    poses=st.lists(st.one_of(POSES, st.tuples(*[st.floats(-1.0, 1.0)] * 7)), min_size=1, max_size=6),
+    frame=st.sampled_from(["flange", "tip", "side"]),
+    reference=st.sampled_from(["base", "world", "table", "hole"]),
+)
+def test_frames_and_cartesian_destinations_over_a_bad_channel(
+    seed: int, poses: list[Pose | tuple[float, ...]], frame: str, reference: str
+) -> None:
+    """Invariant: whatever the channel loses, the tree is whole, and each destination is the one that was set last."""
+    shell = VirtualShell(Channel(seed), Channel(seed + 1))
+    shell.connect()
+    tree = shell.run(operations.fetch_frames(shell.session))
+    assert list(tree) == list(FRAMES)
+    assert all(tree[name].in_parent.distance_m(FRAMES[name].in_parent) == 0.0 for name in FRAMES)
+    motion = SmartServo()
+    shell.run(operations.start(shell.session, motion, moved_frame(tree, frame)))
+    runtime = SmartServoRuntime(None, *shell.run(operations.transferred(motion.record, timeout_s=60.0)))  # type: ignore[arg-type]
+    base, moved = FRAMES.in_base(reference), FRAMES.in_flange(frame)
+    for pose in poses:
+        expected = pose if isinstance(pose, Pose) else base.inverse() @ forward(pose) @ moved
+        at_ns = shell.run(runtime._setting_destination(pose, reference if isinstance(pose, Pose) else None))
+        assert runtime.get_time_stamp_of_set_realtime_destination() == at_ns <= runtime.get_time_stamp_of_update()
+        for _ in range(2):
+            there = shell.run(runtime._reading_cartesian_destination(frame, reference))
+            assert there is not None
+            assert there.distance_m(expected) < 1e-12
+            assert there.angle_rad(expected) < 1e-12
+        while not runtime.is_destination_reached():
+            shell.run(runtime._updating())
+        measured = runtime.get_current_cartesian_position(frame, reference)
+        assert measured.distance_m(expected) < 1e-12
+        assert measured.angle_rad(expected) < 1e-12
+    asked = [pose for pose in poses if not isinstance(pose, Pose)]
+    assert len(shell.controller.questions) <= len(FRAMES) + len(asked)

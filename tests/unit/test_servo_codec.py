@@ -1,6 +1,7 @@
 """The servo link on the wire: every packet comes back, any bytes are a packet or a named refusal, and sizes hold."""
 
 import contextlib
+import math
 import struct
 from collections.abc import Callable
 
@@ -8,8 +9,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.values.errors import ConfigurationError, MalformedDatagram
-from hil.values.fri import OperationMode, SafetyState
+from hil.values.control import (
+    CartesianImpedanceControlMode,
+    CartesianSineImpedanceControlMode,
+    ControlModeSettings,
+    ForceOscillation,
+    JointImpedanceControlMode,
+    PositionControlMode,
+    Six,
+)
+from hil.values.errors import ConfigurationError, HilError, MalformedDatagram
+from hil.values.frames import FLANGE, MAX_FRAME_NAME_BYTES, MAX_FRAMES, Frame, FrameKind
+from hil.values.fri import ControlMode, OperationMode, SafetyState
+from hil.values.load import Load
 from hil.values.motion import (
     MAX_MOTIONS,
     FineInterpolatorState,
@@ -20,6 +32,7 @@ from hil.values.motion import (
 )
 from hil.values.operator import OperatorView, ProgramState
 from hil.values.outcomes import Outcome
+from hil.values.pose import Pose
 from hil.values.servo import (
     MAX_COMMANDER_BYTES,
     MAX_DETAIL_BYTES,
@@ -32,15 +45,22 @@ from hil.values.servo import (
     MAX_VECTOR_NUMBERS,
     MIN_HELLO_BYTES,
     PROTOCOL_VERSION,
+    ChangeControlMode,
     Command,
+    DescribeFrame,
     Ended,
+    FlangeLocated,
+    FrameDescribed,
     FromClient,
     FromController,
     GoalReached,
     Goodbye,
     Hello,
+    LoadValidated,
+    LocateFlange,
     MotionEnded,
     MotionState,
+    PushArm,
     Refused,
     Report,
     Request,
@@ -53,11 +73,13 @@ from hil.values.servo import (
     StartMotion,
     State,
     StopMotion,
+    ValidateLoad,
     Vector,
     Welcome,
 )
 from transport.servo import ServoCodec, reading, servo_pb2, usual
 from transport.servo.layout import field
+from transport.servo.modes import wire_mode
 
 KEY = b"a key of thirty-two bytes, no le"
 CODECS = (ServoCodec(), ServoCodec(KEY))
@@ -85,17 +107,66 @@ def vectors(maximum: int = 7) -> st.SearchStrategy[Vector]:
 SEVENS = st.binary(min_size=56, max_size=56).map(lambda raw: struct.unpack("<7d", raw))
 MAYBE_VECTOR = st.one_of(st.none(), vectors(MAX_VECTOR_NUMBERS))
 MAYBE_BOOL = st.one_of(st.none(), st.booleans())
+FINITE = st.floats(-1e3, 1e3)
+QUATERNIONS = st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda wxyz: sum(number * number for number in wxyz) > 1e-3)
+POSES = st.builds(Pose.from_quaternion, st.tuples(*[FINITE] * 3), QUATERNIONS)
+MAYBE_POSE = st.one_of(st.none(), POSES)
+FRAME_NAMES = texts(MAX_FRAME_NAME_BYTES)
+
+
+def sixes(least: float, most: float) -> st.SearchStrategy[Six]:
+    return st.tuples(*[st.floats(least, most)] * 6)
+
+
+CARTESIAN = st.builds(
+    CartesianImpedanceControlMode,
+    sixes(0.0, 300.0),
+    sixes(0.1, 1.0),
+    st.floats(0.0, 1e4),
+    st.floats(0.3, 1.0),
+    sixes(-1e3, 1e3),
+    sixes(1.0, 1e6),
+    st.booleans(),
+    sixes(1.0, 1e6),
+    sixes(1.0, 1e6),
+)
+OSCILLATIONS = st.builds(
+    ForceOscillation,
+    sixes(0.0, 50.0),
+    sixes(0.0, 15.0),
+    sixes(-360.0, 360.0),
+    sixes(-50.0, 50.0),
+    sixes(1.0, 1e6),
+    sixes(1.0, 1e6),
+    st.floats(0.0, 1e3),
+    st.one_of(st.just(math.inf), st.floats(0.0, 1e3)),
+    st.floats(0.0, 1e3),
+)
+CONTROL: st.SearchStrategy[ControlModeSettings] = st.one_of(
+    st.just(PositionControlMode()),
+    st.builds(JointImpedanceControlMode, st.tuples(*[st.floats(0.0, 1e4)] * 7), st.tuples(*[st.floats(0.0, 1.0)] * 7)),
+    CARTESIAN,
+    st.builds(CartesianSineImpedanceControlMode, CARTESIAN, OSCILLATIONS),
+)
 REQUESTS: st.SearchStrategy[Request] = st.one_of(
-    st.builds(SetDestination, NUMBERS, NUMBERS, MAYBE_VECTOR, MAYBE_VECTOR),
+    st.builds(SetDestination, NUMBERS, NUMBERS, MAYBE_VECTOR, MAYBE_VECTOR, MAYBE_POSE),
     st.builds(
         StartMotion,
         NUMBERS,
         st.sampled_from(MotionKind),
         st.builds(MotionParameters, *[FLOATS] * 8, st.booleans(), st.booleans()),
         MAYBE_VECTOR,
+        MAYBE_POSE,
+        CONTROL,
+        st.one_of(st.just(FLANGE), FRAME_NAMES.filter(bool)),
     ),
+    st.builds(ChangeControlMode, NUMBERS, NUMBERS, CONTROL),
+    st.builds(ValidateLoad, NUMBERS, FRAME_NAMES),
+    st.builds(PushArm, NUMBERS, SMALL, vectors(), vectors(), FLOATS),
     st.builds(SetRuntimeParameters, NUMBERS, NUMBERS, st.one_of(st.none(), FLOATS), MAYBE_BOOL, MAYBE_BOOL),
     st.builds(StopMotion, NUMBERS, NUMBERS),
+    st.builds(DescribeFrame, NUMBERS, SMALL),
+    st.builds(LocateFlange, NUMBERS, vectors(MAX_VECTOR_NUMBERS)),
 )
 HELLOS = st.builds(
     Hello,
@@ -119,12 +190,22 @@ COMMANDS = st.builds(
 FROM_CLIENT: st.SearchStrategy[FromClient] = st.one_of(HELLOS, COMMANDS, st.builds(Goodbye, NUMBERS, NUMBERS))
 
 REASONS, DETAILS = texts(MAX_REASON_BYTES), texts(MAX_DETAIL_BYTES)
+MOMENTS = st.floats(0.5, 0.9)
+LOADS = st.builds(
+    Load, st.floats(0.0, 50.0), st.tuples(*[FINITE] * 3), st.tuples(*[MOMENTS] * 3), st.tuples(*[FINITE] * 3)
+)
+FRAMES = st.builds(Frame, FRAME_NAMES, st.sampled_from(FrameKind), FRAME_NAMES, POSES, st.one_of(st.none(), LOADS))
 REPORTS: st.SearchStrategy[Report] = st.one_of(
     st.builds(RequestDone, NUMBERS, NUMBERS, TIMES),
     st.builds(RequestDone, NUMBERS, NUMBERS, TIMES, st.sampled_from(RequestError), REASONS, DETAILS),
     st.builds(GoalReached, NUMBERS, NUMBERS, TIMES, st.sampled_from(FineInterpolatorState), vectors()),
     st.builds(MotionEnded, NUMBERS, NUMBERS, TIMES, st.sampled_from(MotionEnd), REASONS, DETAILS),
+    st.builds(FrameDescribed, NUMBERS, NUMBERS, st.integers(1, MAX_FRAMES), FRAMES),
+    st.builds(FlangeLocated, NUMBERS, NUMBERS, POSES),
+    st.builds(LoadValidated, NUMBERS, NUMBERS, REASONS),
 )
+SINGLE = st.floats(width=32)
+SIXES = st.tuples(*[SINGLE] * 6)
 MOTIONS = st.builds(
     MotionState,
     NUMBERS,
@@ -153,6 +234,10 @@ SNAPSHOTS = st.builds(
     NUMBERS,
     OPERATORS,
     *[vectors()] * 4,
+    POSES,
+    st.sampled_from(ControlMode),
+    st.one_of(st.just(()), st.tuples(*[SINGLE] * 7)),
+    *[SIXES] * 2,
     texts(MAX_COMMANDER_BYTES),
     st.lists(MOTIONS, max_size=MAX_MOTIONS_IN_PACKET).map(tuple),
 )
@@ -189,6 +274,30 @@ def refusal(decode: Decode, datagram: bytes) -> MalformedDatagram:
     return caught.value
 
 
+def poses_in(value: object) -> list[Pose]:
+    """Return the poses in a packet, in their order."""
+    if isinstance(value, Pose):
+        return [value]
+    return [pose for part in value for pose in poses_in(part)] if isinstance(value, tuple) else []
+
+
+def without_poses(value: object) -> str:
+    """Return a packet in words, with nothing of its poses but that they are there."""
+    if isinstance(value, Pose):
+        return "a pose"
+    return (
+        f"{type(value).__name__}{[without_poses(part) for part in value]}" if isinstance(value, tuple) else repr(value)
+    )
+
+
+def assert_same(one: object, other: object) -> None:
+    """Two packets are the same, and their poses in position exactly, in rotation as far as quaternions go."""
+    assert without_poses(one) == without_poses(other)
+    for here, there in zip(poses_in(one), poses_in(other), strict=True):
+        assert here.position_m == there.position_m
+        assert here.angle_rad(there) < 1e-14
+
+
 def bare(wire: servo_pb2.Packet, *, version: int = PROTOCOL_VERSION) -> bytes:
     """Return a datagram of a packet made by hand."""
     wire.header.version = version
@@ -206,7 +315,7 @@ def test_what_a_client_sends_comes_back(codec: ServoCodec, packet: FromClient) -
         assert isinstance(decoded, Command)
         assert bool(decoded.requests) == bool(packet.requests)
         packet = packet._replace(requests=packet.requests[: len(decoded.requests)])
-    assert repr(decoded) == repr(packet)
+    assert_same(decoded, packet)
 
 
 @pytest.mark.parametrize("codec", CODECS)
@@ -220,11 +329,13 @@ def test_what_the_controller_sends_comes_back(codec: ServoCodec, packet: FromCon
         assert isinstance(decoded, State)
         assert bool(decoded.reports) == bool(packet.reports)
         packet = packet._replace(reports=packet.reports[: len(decoded.reports)])
-    assert repr(decoded) == repr(packet)
+    assert_same(decoded, packet)
 
 
 SEVEN: Vector = (0.0, 0.5, -0.25, 1.0, -1.0, 1.5, 2.0)
 NAN, INFINITY = float("nan"), float("inf")
+POSE = Pose(0.5, -0.25, 1.0)
+ESTIMATES = (ControlMode.CARTESIAN_IMPEDANCE, SEVEN, SEVEN[:6], SEVEN[1:])
 
 
 def test_what_is_no_number_and_what_is_no_seven_is_the_controllers_to_judge() -> None:
@@ -249,6 +360,11 @@ SNAPSHOT = Snapshot(
     commanded_position=SEVEN,
     measured_torque=SEVEN,
     external_torque=SEVEN,
+    flange_in_base=POSE,
+    control_mode=ControlMode.JOINT_IMPEDANCE,
+    external_torque_variance=SEVEN,
+    flange_force=SEVEN[:6],
+    flange_force_variance=SEVEN[1:],
     commander="grinder",
     motions=(
         MotionState(
@@ -268,10 +384,15 @@ SNAPSHOT = Snapshot(
     ),
 )
 RUNNING = OperatorView(OperationMode.AUT, ProgramState.RUNNING, False, 100.0, SafetyState.NORMAL_OPERATION, "", False)
-_HEADER = "530a1d0802 110807060504030201 190200000000000000 210300000000000000"
+_HEADER = "530a1d0803 110807060504030201 190200000000000000 210300000000000000"
+_SINGLE = struct.pack("<7f", *SEVEN).hex()
 _SEVEN = (
     "0000000000000000 000000000000e03f 000000000000d0bf 000000000000f03f"
     " 000000000000f0bf 000000000000f83f 0000000000000040"
+)
+_POSE = (
+    "000000000000e03f 000000000000d0bf 000000000000f03f"
+    " 000000000000f03f 0000000000000000 0000000000000000 0000000000000000"
 )
 GOLDEN: list[tuple[FromClient | FromController, str]] = [
     (
@@ -283,34 +404,44 @@ GOLDEN: list[tuple[FromClient | FromController, str]] = [
         f"{_HEADER} 2a5d 090400000000000000 1000 1a50 090500000000000000 1a45 090600000000000000 123a0a38 {_SEVEN}",
     ),
     (
+        Command(0x0102030405060708, 2, 3, 4, False, (SetDestination(5, 6, None, None, POSE),)),
+        f"{_HEADER} 2a5d 090400000000000000 1000 1a50 090500000000000000 1a45 090600000000000000 223a0a38 {_POSE}",
+    ),
+    (
+        Command(0x0102030405060708, 2, 3, requests=(DescribeFrame(5, 6), LocateFlange(6, (0.5,)))),
+        (f"{_HEADER} 2a26 1a0d 090500000000000000 3202 0806 1a15 090600000000000000 3a0a 0a08 000000000000e03f"),
+    ),
+    (
         Command(0x0102030405060708, 2, 3, requests=(StopMotion(5, 6),)),
         f"{_HEADER} 2a16 1a14 090500000000000000 2a09 090600000000000000",
     ),
     (
         Goodbye(0x0102030405060708, 2),
-        "530a14 0802 110807060504030201 190200000000000000 3200",
+        "530a14 0803 110807060504030201 190200000000000000 3200",
     ),
     (
-        Welcome(2, 7, 0x0102030405060708, "fri-hil 1", "lbr", 1, 1),
+        Welcome(3, 7, 0x0102030405060708, "fri-hil 1", "lbr", 1, 1),
         (
-            "530a0b 0802 110807060504030201 1a24 090700000000000000"
+            "530a0b 0803 110807060504030201 1a24 090700000000000000"
             " 1209 6672692d68696c2031 1a03 6c6272 2001 290100000000000000"
         ),
     ),
     (
-        Refused(2, 7, "no", True),
-        "530a02 0802 220f 090700000000000000 1202 6e6f 1801",
+        Refused(3, 7, "no", True),
+        "530a02 0803 220f 090700000000000000 1202 6e6f 1801",
     ),
     (
         Ended(0x0102030405060708, "no"),
-        "530a0b 0802 110807060504030201 4204 0a02 6e6f",
+        "530a0b 0803 110807060504030201 4204 0a02 6e6f",
     ),
     (
         State(0x0102030405060708, 2, 3, 4, SNAPSHOT, (RequestDone(5, 6, 7),)),
         (
-            f"{_HEADER} 3ad503 090400000000000000 12a803"
+            f"{_HEADER} 3aea04 090400000000000000 12bd04"
             " 0940420f0000000000 110100000000000000 1802 2002 2801 310000000000004940 3802 4001"
-            f" 4a38 {_SEVEN} 5238 {_SEVEN} 5a38 {_SEVEN} 6238 {_SEVEN} 6a07 6772696e646572 7205 7374617274"
+            f" 4a38 {_SEVEN} 5238 {_SEVEN} 5a38 {_SEVEN} 6238 {_SEVEN} 82013a0a38 {_POSE}"
+            f" 880102 92011c {_SINGLE} 9a0118 {_SINGLE[:48]} a20118 {_SINGLE[8:]}"
+            " 6a07 6772696e646572 7205 7374617274"
             f" 7a8801 090100000000000000 1002 1803 2003 2a38 {_SEVEN} 3120a1070000000000 39000000000000c03f"
             " 410200000000000000 490600000000000000 510100000000000000 590500000000000000 61ffffffffffffffff"
             " 1a1f 090500000000000000 110700000000000000 1a0b 090600000000000000 1000"
@@ -335,7 +466,7 @@ def test_the_bytes_on_the_wire(packet: FromClient | FromController, expected: st
 def test_the_bytes_of_a_hello() -> None:
     hello = Hello(PROTOCOL_VERSION, 7, Role.COMMANDER, 300, 5, "grinder", 30)
     datagram = CODECS[0].encode_from_client(hello)
-    begin = bytes.fromhex("530a020802 12") + datagram[6:8]
+    begin = bytes.fromhex("530a020803 12") + datagram[6:8]
     fields = bytes.fromhex("090700000000000000 1002 18ac02 2005 2a07 6772696e646572 301e 7a")
     assert datagram[: len(begin) + len(fields)] == begin + fields
     assert not any(datagram[len(begin) + len(fields) + 2 :])
@@ -389,6 +520,15 @@ def test_texts_that_are_too_long_are_cut_between_characters() -> None:
     assert decoded.name == "tab?and?line?"
 
 
+LONGEST_FRAME = Frame(
+    "x" * MAX_FRAME_NAME_BYTES,
+    FrameKind.TOOL,
+    "y" * MAX_FRAME_NAME_BYTES,
+    POSE,
+    Load(1.0, (1.0, 2.0, 3.0), (1.0,) * 3, (0.5,) * 3),
+)
+
+
 def _largest_motion(number: int) -> MotionState:
     most, latest = 2**64 - 1, 2**63 - 1
     return MotionState(
@@ -409,27 +549,30 @@ def _largest_motion(number: int) -> MotionState:
 
 @pytest.mark.parametrize("codec", CODECS)
 @pytest.mark.parametrize(
-    ("report", "count", "shown"),
+    ("report", "counts", "shown"),
     [
-        (RequestDone(2**64 - 1, 2**64 - 1, 2**63 - 1, RequestError.COMMAND_INVALID, LONG, LONG), 1, 2),
-        (MotionEnded(2**64 - 1, 2**64 - 1, 2**63 - 1, MotionEnd.FAILED, LONG, LONG), 1, 2),
-        (GoalReached(2**64 - 1, 2**64 - 1, 2**63 - 1, FineInterpolatorState.ENDED, SEVEN), 2, MAX_MOTIONS_IN_PACKET),
-        (RequestDone(2**64 - 1, 2**64 - 1, 2**63 - 1), 6, MAX_MOTIONS_IN_PACKET),
+        (RequestDone(2**64 - 1, 2**64 - 1, 2**63 - 1, RequestError.COMMAND_INVALID, LONG, LONG), (1, 1), 2),
+        (MotionEnded(2**64 - 1, 2**64 - 1, 2**63 - 1, MotionEnd.FAILED, LONG, LONG), (1, 1), 2),
+        (GoalReached(2**64 - 1, 2**64 - 1, 2**63 - 1, FineInterpolatorState.ENDED, SEVEN), (1, 1), 4),
+        (RequestDone(2**64 - 1, 2**64 - 1, 2**63 - 1), (4, 4), 4),
+        (FrameDescribed(2**64 - 1, 2**64 - 1, MAX_FRAMES, LONGEST_FRAME), (1, 1), 3),
+        (FlangeLocated(2**64 - 1, 2**64 - 1, POSE), (1, 1), 4),
+        (LoadValidated(2**64 - 1, 2**64 - 1, LONG), (1, 1), 3),
     ],
-    ids=["refused", "ended", "goal", "taken"],
+    ids=["refused", "ended", "goal", "taken", "frame", "flange", "load"],
 )
 def test_the_largest_state_fits_with_a_report_at_least(
-    codec: ServoCodec, report: Report, count: int, shown: int
+    codec: ServoCodec, report: Report, counts: tuple[int, int], shown: int
 ) -> None:
     """Sixteen motions and six reports: the first four are shown, and as many reports as there is room for.
 
-    Where all texts are the longest ones, the two that wait last are not shown.
+    Where all texts are the longest ones, the two that wait last are not shown. ``counts``: without a key, and with one.
     """
     motions = tuple(_largest_motion(number) for number in range(1, MAX_MOTIONS + 1))
     operator = OperatorView(
         OperationMode.AUT, ProgramState.STOPPED, True, 100.0, SafetyState.SAFETY_STOP_LEVEL_2, LONG, True
     )
-    snapshot = Snapshot(2**63 - 1, 2**64 - 1, operator, SEVEN, SEVEN, SEVEN, SEVEN, LONG, motions)
+    snapshot = Snapshot(2**63 - 1, 2**64 - 1, operator, SEVEN, SEVEN, SEVEN, SEVEN, POSE, *ESTIMATES, LONG, motions)
     state = State(2**64 - 1, 2**64 - 1, 2**64 - 1, 2**64 - 1, snapshot, (report,) * MAX_REPORTS_IN_PACKET)
     datagram = codec.encode_from_controller(state)
     assert len(datagram) <= MAX_SERVO_DATAGRAM_BYTES
@@ -448,7 +591,7 @@ def test_the_largest_state_fits_with_a_report_at_least(
     assert isinstance(whole, State)
     assert len(whole.snapshot.motions) == MAX_MOTIONS_IN_PACKET
     assert decoded.reports[0].number == report.number
-    assert len(decoded.reports) == count
+    assert len(decoded.reports) == counts[CODECS.index(codec)]
 
 
 @pytest.mark.parametrize("codec", CODECS)
@@ -466,6 +609,36 @@ def test_the_largest_command_fits_with_a_request_at_least(codec: ServoCodec) -> 
         decoded = codec.decode_from_client(codec.encode_from_client(Command(1, 2, 3, requests=whole)))
         assert isinstance(decoded, Command)
         assert decoded.requests == whole
+
+
+def test_six_questions_fit_into_a_packet() -> None:
+    questions = tuple(DescribeFrame(number, 2**32 - 1) for number in range(MAX_REQUESTS_IN_PACKET))
+    places = tuple(LocateFlange(number, SEVEN) for number in range(MAX_REQUESTS_IN_PACKET))
+    for requests in (questions, places):
+        command = Command(1, 2, 3, requests=requests)
+        assert CODECS[1].decode_from_client(CODECS[1].encode_from_client(command)) == command
+
+
+def test_a_destination_as_a_pose_is_as_long_as_one_in_axis_positions() -> None:
+    sizes = {
+        len(CODECS[0].encode_from_client(Command(1, 2, 3, requests=(request,))))
+        for request in (SetDestination(4, 5, SEVEN), SetDestination(4, 5, None, None, POSE))
+    }
+    assert sizes == {127}
+
+
+@given(numbers=st.tuples(*[FINITE] * 3, *[st.floats(-1e300, 1e300)] * 4))
+def test_a_quaternion_of_any_length_is_read_as_a_rotation(numbers: tuple[float, ...]) -> None:
+    """Invariant: what the codec reads is the rotation that Pose makes of the same quaternion, or both refuse it."""
+    packet = bare(_asking(_going_to(*numbers)))
+    try:
+        expected = Pose.from_quaternion(numbers[:3], numbers[3:])  # type: ignore[arg-type]
+    except HilError:
+        assert refusal(CODECS[0].decode_from_client, packet).outcome is Outcome.UNDECODABLE
+        return
+    decoded = CODECS[0].decode_from_client(packet)
+    assert isinstance(decoded, Command)
+    assert_same(decoded.requests, (SetDestination(0, 1, None, None, expected),))
 
 
 def test_the_snapshot_of_a_cycle_is_written_once_and_never_mistaken_for_another() -> None:
@@ -528,7 +701,10 @@ USUAL_COMMANDS = st.builds(
     NUMBERS,
     st.booleans(),
     st.lists(
-        st.builds(SetDestination, NUMBERS, NUMBERS, SEVENS, st.one_of(st.none(), vectors())),
+        st.one_of(
+            st.builds(SetDestination, NUMBERS, NUMBERS, SEVENS, st.one_of(st.none(), vectors())),
+            st.builds(SetDestination, NUMBERS, NUMBERS, st.none(), st.none(), POSES),
+        ),
         max_size=1,
     ).map(tuple),
 )
@@ -550,7 +726,7 @@ def test_usual_commands_are_read_as_protobuf_reads_them(data: st.DataObject, com
     packet = data.draw(st.one_of(st.just(whole), st.composite(mutated)(whole)))[1:]
     read = usual.read_command(packet)
     if packet == whole[1:] and (not command.requests or command.requests[0].velocity is None):  # type: ignore[union-attr]
-        assert repr(read) == repr(command)
+        assert_same(read, command)
     if read is not None:
         assert repr(read) == _read(reading.from_client, packet)
 
@@ -562,6 +738,7 @@ def test_usual_states_are_read_as_protobuf_reads_them(data: st.DataObject, state
     packet = data.draw(st.one_of(st.just(whole), st.composite(mutated)(whole)))[1:]
     read = usual.read_state(packet)
     usual_motions = all(len(motion.destination) == 7 for motion in state.snapshot.motions)
+    usual_motions &= len(state.snapshot.external_torque_variance) == 7
     if packet == whole[1:] and usual_motions:
         assert read is not None
     if read is not None:
@@ -641,7 +818,8 @@ def _hello(name: str = "", role: int = 1) -> servo_pb2.Packet:
 
 
 def _shown(**fields: object) -> servo_pb2.Snapshot:
-    return servo_pb2.Snapshot(**{"program": 1, **fields})  # type: ignore[arg-type]
+    pose = servo_pb2.Pose(value=[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    return servo_pb2.Snapshot(**{"program": 1, "flange_in_base": pose, **fields})  # type: ignore[arg-type]
 
 
 _STOP = servo_pb2.Request(number=1, stop=servo_pb2.StopMotion())
@@ -649,12 +827,76 @@ _PARAMETERS = servo_pb2.MotionParameters()
 _DONE = servo_pb2.Report(number=1, done=servo_pb2.RequestDone())
 _MOTION = servo_pb2.MotionState(motion=1, kind=1, phase=1, interpolator=1)  # type: ignore[arg-type]
 _TOO_LONG = servo_pb2.Vector(value=[0.0] * (MAX_VECTOR_NUMBERS + 1))
+NO_POSES: list[tuple[tuple[float, ...], str]] = [
+    ((), "a pose of 0 numbers, 7 are needed"),
+    ((0.0,) * 6, "a pose of 6 numbers, 7 are needed"),
+    ((0.0,) * 8, "a pose of 8 numbers, 7 are needed"),
+    ((0.0,) * 7, "length of the quaternion"),
+    ((NAN, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), "valid: finite numbers"),
+    ((0.0, INFINITY, 0.0, 1.0, 0.0, 0.0, 0.0), "valid: finite numbers"),
+    ((0.0, 0.0, -INFINITY, 1.0, 0.0, 0.0, 0.0), "valid: finite numbers"),
+    ((0.0, 0.0, 0.0, 1.0, NAN, 0.0, 0.0), "valid: finite numbers"),
+    ((0.0, 0.0, 0.0, 1.0, 0.0, 0.0, INFINITY), "valid: finite numbers"),
+]
+
+
+def _going_to(*numbers: float) -> servo_pb2.Request:
+    pose = servo_pb2.Pose(value=numbers)
+    return servo_pb2.Request(destination=servo_pb2.SetDestination(motion=1, flange_in_base=pose))
+
+
+def _starting_at(*numbers: float) -> servo_pb2.Request:
+    start = servo_pb2.StartMotion(
+        kind=servo_pb2.KIND_PTP, parameters=_PARAMETERS, flange_in_base=servo_pb2.Pose(value=numbers)
+    )
+    return servo_pb2.Request(start=start)
+
+
+def _described(**fields: object) -> servo_pb2.Report:
+    pose = servo_pb2.Pose(value=[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    frame = {"of": 3, "name": "tip", "kind": 5, "parent": "flange", "in_parent": pose, **fields}
+    return servo_pb2.Report(frame=servo_pb2.FrameDescribed(**frame))  # type: ignore[arg-type]
+
+
+def _load(mass: float = 1.0, centre: int = 3, inertia: int = 6, moment: float = 0.0) -> servo_pb2.Load:
+    return servo_pb2.Load(mass_kg=mass, centre_m=[0.0] * centre, inertia_kg_m2=[moment] * inertia)
+
+
+def _under(mode: servo_pb2.ControlMode) -> tuple[servo_pb2.Request, ...]:
+    """Return the two requests that have a mode."""
+    start = servo_pb2.StartMotion(kind=servo_pb2.KIND_PTP, parameters=_PARAMETERS, mode=mode)
+    change = servo_pb2.ChangeControlMode(motion=1, mode=mode)
+    return servo_pb2.Request(start=start), servo_pb2.Request(mode=change)
+
+
+def _springs(stiffness: float, count: int = 7) -> servo_pb2.ControlMode:
+    return servo_pb2.ControlMode(joint=servo_pb2.JointImpedance(stiffness=[stiffness] * count, damping=[0.7] * 7))
+
+
+def _held(seconds: float) -> servo_pb2.ControlMode:
+    mode = wire_mode(CartesianSineImpedanceControlMode())
+    assert mode is not None
+    mode.cartesian.oscillation.hold_time_s = seconds
+    return mode
+
+
+NO_MODES: list[tuple[servo_pb2.ControlMode, str]] = [
+    (servo_pb2.ControlMode(), "a control mode of no kind that is known here"),
+    (servo_pb2.ControlMode.FromString(b"\x1a\x00"), "a control mode of no kind that is known here"),
+    (_springs(-1.0), "joint stiffness A1 -1 is outside its range >= 0 Nm/rad"),
+    (_springs(NAN), "joint stiffness A1 nan is outside its range >= 0 Nm/rad"),
+    (_springs(1.0, count=6), "a control mode with 6 numbers where 7 are needed"),
+    (_held(-1.0), "hold time -1 is outside its range >= 0 s"),
+    (_held(NAN), "hold time nan is outside its range >= 0 s"),
+]
+
+
 NO_PACKET_FROM_CLIENT: list[tuple[servo_pb2.Packet, str]] = [
     (_packet(), "a packet with nothing in it"),
     (_packet(state=servo_pb2.State()), "a packet with state in it, which the other end never sends"),
     (_packet(welcome=servo_pb2.Welcome()), "a packet with welcome in it, which the other end never sends"),
     (_hello(role=0), "there is no role 0"),
-    (_hello(role=3), "there is no role 3"),
+    (_hello(role=4), "there is no role 4"),
     (_hello("x" * (MAX_NAME_BYTES + 1)), "a name of 64 bytes, at most 63 are allowed"),
     (_hello("ü" * 32), "a name of 64 bytes, at most 63 are allowed"),
     (_hello("\x1b[2J"), r"the name '\x1b[2J' cannot be printed"),
@@ -680,6 +922,13 @@ NO_PACKET_FROM_CLIENT: list[tuple[servo_pb2.Packet, str]] = [
         _asking(servo_pb2.Request(destination=servo_pb2.SetDestination(velocity=_TOO_LONG))),
         "33 numbers in a vector, at most 32 are allowed",
     ),
+    (
+        _asking(servo_pb2.Request(locate=servo_pb2.LocateFlange(position=[0.0] * 33))),
+        "33 numbers in a vector, at most 32 are allowed",
+    ),
+    *((_asking(_going_to(*numbers)), words) for numbers, words in NO_POSES),
+    *((_asking(_starting_at(*numbers)), words) for numbers, words in NO_POSES),
+    *((_asking(request), words) for mode, words in NO_MODES for request in _under(mode)),
 ]
 
 
@@ -719,7 +968,7 @@ NO_PACKET_FROM_CONTROLLER: list[tuple[servo_pb2.Packet, str]] = [
     ),
     (
         _showing(_shown(), servo_pb2.Report(done=servo_pb2.RequestDone(detail="x" * 181))),
-        "a detail of 181 bytes, at most 180 are allowed",
+        "a detail of 181 bytes, at most 160 are allowed",
     ),
     (
         _showing(_shown(), servo_pb2.Report(goal=servo_pb2.GoalReached())),
@@ -729,6 +978,20 @@ NO_PACKET_FROM_CONTROLLER: list[tuple[servo_pb2.Packet, str]] = [
         _showing(_shown(), servo_pb2.Report(ended=servo_pb2.MotionEnded())),
         "there is no end of a motion 0",
     ),
+    (_showing(servo_pb2.Snapshot(program=servo_pb2.PROGRAM_RUNNING)), "a pose of 0 numbers, 7 are needed"),
+    (_showing(_shown(), _described(of=0)), "a frame of 0, there are 1 ... 64"),
+    (_showing(_shown(), _described(of=65)), "a frame of 65, there are 1 ... 64"),
+    (_showing(_shown(), _described(kind=0)), "there is no frame kind 0"),
+    (_showing(_shown(), _described(kind=7)), "there is no frame kind 7"),
+    (_showing(_shown(), _described(name="x" * 41)), "a name of a frame of 41 bytes, at most 40 are allowed"),
+    (_showing(_shown(), _described(parent="ü" * 21)), "a name of a parent frame of 42 bytes, at most 40 are allowed"),
+    (_showing(_shown(), _described(in_parent=servo_pb2.Pose())), "a pose of 0 numbers, 7 are needed"),
+    (_showing(_shown(), _described(load=_load(mass=NAN))), "a mass of (nan,), 1 finite numbers are needed"),
+    (_showing(_shown(), _described(load=_load(centre=2))), "a centre of mass of (0.0, 0.0), 3 finite numbers"),
+    (_showing(_shown(), _described(load=_load(inertia=7))), "an inertia of"),
+    (_showing(_shown(), _described(load=_load(moment=INFINITY))), "6 finite numbers are needed"),
+    (_showing(_shown(), servo_pb2.Report(flange=servo_pb2.FlangeLocated())), "a pose of 0 numbers, 7 are needed"),
+    *((_showing(_shown(flange_in_base=servo_pb2.Pose(value=numbers))), words) for numbers, words in NO_POSES),
     (_packet(refused=servo_pb2.Refused(reason="x" * 201)), "a reason of 201 bytes, at most 200 are allowed"),
     (_packet(welcome=servo_pb2.Welcome(robot="x" * 64)), "a robot of 64 bytes, at most 63 are allowed"),
 ]
@@ -762,7 +1025,7 @@ OTHER = PROTOCOL_VERSION + 1
 
 
 def test_a_hello_of_another_version_is_returned_with_what_is_frozen() -> None:
-    for version in (1, 3, 127, 128, 2**32 - 1):
+    for version in (1, 2, 4, 127, 128, 2**32 - 1):
         hello = Hello(version, 2**63 + 7, Role.COMMANDER, 300, 5, "grinder")
         decoded = CODECS[1].decode_from_client(CODECS[1].encode_from_client(hello))
         assert isinstance(decoded, Hello)
@@ -779,7 +1042,7 @@ def test_an_answer_of_another_version_is_returned_with_what_is_frozen() -> None:
 
 def test_a_later_version_may_change_everything_that_is_not_frozen() -> None:
     """Fields of ours with other types, texts that are no UTF-8, bodies we do not know: the version is still read."""
-    header = bytes.fromhex("0a02 0803")
+    header = bytes.fromhex("0a02 0804")
     nonce = bytes.fromhex("090700000000000000")
     strange = bytes.fromhex("1201ff 1a01ff 2a01ff 7aac02") + bytes(300)
     hello = b"\x53" + header + field(b"\x12", nonce + strange) + field(b"\x7a", bytes(90))
@@ -792,7 +1055,7 @@ def test_a_later_version_may_change_everything_that_is_not_frozen() -> None:
         for decode in decoders(CODECS[0]):
             error = refusal(decode, b"\x53" + header + body)
             assert error.outcome is Outcome.OTHER_VERSION
-            assert "version 3 of the servo link, this side speaks 2" in error.detail
+            assert "version 4 of the servo link, this side speaks 3" in error.detail
 
 
 @given(
@@ -815,6 +1078,16 @@ def test_commands_and_states_of_another_version_are_named(version: int, packet: 
         (Command(1, 2, 3, requests=(SetDestination(4, 5, (0.0,) * 33),)), "a vector of 33 numbers, at most 32"),
         (Command(1, 2, 3, requests=(SetDestination(4, 5, (None,) * 7),)), "a Command cannot be sent"),  # type: ignore[arg-type]
         (Command(1, 2, 3, requests=(SetDestination(4, 5, ("0",) * 3),)), "a Command cannot be sent"),  # type: ignore[arg-type]
+        (
+            Command(1, 2, 3, requests=(SetDestination(4, 5, None, None, Pose(NAN, 0.0, 0.0)),)),
+            "a pose with the numbers",
+        ),
+        (
+            Command(1, 2, 3, requests=(SetDestination(4, 5, SEVEN, None, Pose(0.0, INFINITY, 0.0)),)),
+            "a pose with the numbers",
+        ),
+        (Command(1, 2, 3, requests=(DescribeFrame(4, -1),)), "a Command cannot be sent"),
+        (Command(1, 2, 3, requests=(LocateFlange(4, (0.0,) * 33),)), "a vector of 33 numbers, at most 32"),
         (Command(2**64, 2, 3), "a Command cannot be sent"),
         (Hello(1, 2, Role.OBSERVER, -1, 5, ""), "a Hello cannot be sent"),
         (Hello(1, 2, Role.OBSERVER, 300, 5, "", -1), "a Hello cannot be sent"),

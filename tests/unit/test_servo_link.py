@@ -103,7 +103,7 @@ def test_state_packets_are_numbered_and_reflect_the_application() -> None:
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"version": 9}, "speaks version 9 of the servo link, this controller (fri-hil test) version 2: install the"),
+        ({"version": 9}, "speaks version 9 of the servo link, this controller (fri-hil test) version 3: install the"),
         ({"state_period_ms": 0}, "state period 0 ms is outside 1..100 ms"),
         ({"state_period_ms": 101}, "state period 101 ms is outside 1..100 ms"),
         ({"watchdog_ms": 19}, "watchdog 19 ms is outside 20..10000 ms"),

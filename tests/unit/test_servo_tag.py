@@ -44,9 +44,9 @@ def test_the_bytes_of_a_tag() -> None:
     datagram = ServoCodec(KEY).encode_from_client(Goodbye(1, 2))
     assert datagram[:1].hex() == "54"
     assert datagram[1:-TAG_BYTES] == ServoCodec().encode_from_client(Goodbye(1, 2))[1:]
-    assert datagram[-TAG_BYTES:].hex() == "3d75fec7f4e2091b07c0aa3906f8930a"
+    assert datagram[-TAG_BYTES:].hex() == "ce6cfd5d6f0440c1a2136beeb37ab29e"
     back = ServoCodec(KEY).encode_from_controller(Ended(1, "no"))
-    assert back[-TAG_BYTES:].hex() == "25c08140047a0395cbd956de589d374d"
+    assert back[-TAG_BYTES:].hex() == "86b6b470bf86cefbb4597a1bd5207ca9"
 
 
 def test_a_packet_cannot_be_sent_back_to_where_it_came_from() -> None:

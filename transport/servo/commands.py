@@ -1,29 +1,41 @@
 """Commands: what an application asks for."""
 
+from collections.abc import Callable, Mapping
 from typing import Final
 
+from hil.values.frames import FLANGE, MAX_FRAME_NAME_BYTES
 from hil.values.motion import MotionParameters
 from hil.values.servo import (
     MAX_REQUESTS_IN_PACKET,
+    ChangeControlMode,
     Command,
+    DescribeFrame,
+    LocateFlange,
+    PushArm,
     Request,
     SetDestination,
     SetRuntimeParameters,
     StartMotion,
     StopMotion,
+    ValidateLoad,
 )
 from transport.servo import servo_pb2, usual
 from transport.servo.fields import (
     KINDS,
     fitting,
     read_member,
+    read_pose,
+    read_text,
     read_vector,
     refuse_many,
     undecodable,
     wire_number,
+    wire_pose,
+    wire_text,
     wire_vector,
 )
 from transport.servo.layout import TAG_AND_LENGTH_BYTES, field
+from transport.servo.modes import read_mode, wire_mode
 
 _COMMAND: Final = b"\x2a"
 _REQUEST: Final = b"\x1a"
@@ -47,13 +59,10 @@ def _read_request(wire: servo_pb2.Request) -> Request:
     what = wire.WhichOneof("what")
     if what == "destination":
         return _read_set_destination(wire.number, wire.destination)
-    if what == "start":
-        return _read_start(wire.number, wire.start)
-    if what == "parameters":
-        return _read_set_parameters(wire.number, wire.parameters)
-    if what == "stop":
-        return StopMotion(wire.number, wire.stop.motion)
-    raise undecodable(f"request {wire.number} asks for nothing")
+    read = None if what is None else _READERS.get(what)
+    if read is None:
+        raise undecodable(f"request {wire.number} asks for nothing")
+    return read(wire)
 
 
 def _read_start(number: int, wire: servo_pb2.StartMotion) -> StartMotion:
@@ -76,7 +85,23 @@ def _read_start(number: int, wire: servo_pb2.StartMotion) -> StartMotion:
             wait_for_pause=parameters.wait_for_pause,
         ),
         read_vector(wire.destination.value) if wire.HasField("destination") else None,
+        read_pose(wire.flange_in_base) if wire.HasField("flange_in_base") else None,
+        read_mode(wire),
+        read_text(wire.frame, MAX_FRAME_NAME_BYTES, "name of a frame") or FLANGE,
     )
+
+
+def _read_change_mode(wire: servo_pb2.Request) -> ChangeControlMode:
+    return ChangeControlMode(wire.number, wire.mode.motion, read_mode(wire.mode))
+
+
+def _read_validate(wire: servo_pb2.Request) -> ValidateLoad:
+    return ValidateLoad(wire.number, read_text(wire.validate.frame, MAX_FRAME_NAME_BYTES, "name of a frame"))
+
+
+def _read_push(wire: servo_pb2.Request) -> PushArm:
+    push = wire.push
+    return PushArm(wire.number, push.link, read_vector(push.force_n), read_vector(push.moment_nm), push.duration_s)
 
 
 def _read_set_destination(number: int, wire: servo_pb2.SetDestination) -> SetDestination:
@@ -85,6 +110,7 @@ def _read_set_destination(number: int, wire: servo_pb2.SetDestination) -> SetDes
         wire.motion,
         read_vector(wire.position.value) if wire.HasField("position") else None,
         read_vector(wire.velocity.value) if wire.HasField("velocity") else None,
+        read_pose(wire.flange_in_base) if wire.HasField("flange_in_base") else None,
     )
 
 
@@ -96,6 +122,18 @@ def _read_set_parameters(number: int, wire: servo_pb2.SetRuntimeParameters) -> S
         wire.velocity_planning if wire.HasField("velocity_planning") else None,
         wire.wait_for_pause if wire.HasField("wait_for_pause") else None,
     )
+
+
+_READERS: Final[Mapping[str, Callable[[servo_pb2.Request], Request]]] = {
+    "start": lambda wire: _read_start(wire.number, wire.start),
+    "parameters": lambda wire: _read_set_parameters(wire.number, wire.parameters),
+    "stop": lambda wire: StopMotion(wire.number, wire.stop.motion),
+    "describe": lambda wire: DescribeFrame(wire.number, wire.describe.place),
+    "locate": lambda wire: LocateFlange(wire.number, read_vector(wire.locate.position)),
+    "mode": _read_change_mode,
+    "validate": _read_validate,
+    "push": _read_push,
+}
 
 
 def write_command(packet: Command, *, most_bytes: int) -> bytes:
@@ -117,7 +155,10 @@ def _write_request(request: Request) -> bytes:
 def _wire_request(request: Request) -> servo_pb2.Request:
     if isinstance(request, SetDestination):
         destination = servo_pb2.SetDestination(
-            motion=request.motion, position=wire_vector(request.position), velocity=wire_vector(request.velocity)
+            motion=request.motion,
+            position=wire_vector(request.position),
+            velocity=wire_vector(request.velocity),
+            flange_in_base=wire_pose(request.flange_in_base),
         )
         return servo_pb2.Request(number=request.number, destination=destination)
     if isinstance(request, StartMotion):
@@ -125,6 +166,9 @@ def _wire_request(request: Request) -> servo_pb2.Request:
             kind=wire_number(request.kind),
             parameters=_wire_parameters(request.parameters),
             destination=wire_vector(request.destination),
+            flange_in_base=wire_pose(request.flange_in_base),
+            mode=wire_mode(request.mode),
+            frame="" if request.frame == FLANGE else wire_text(request.frame, MAX_FRAME_NAME_BYTES),
         )
         return servo_pb2.Request(number=request.number, start=start)
     if isinstance(request, SetRuntimeParameters):
@@ -135,6 +179,27 @@ def _wire_request(request: Request) -> servo_pb2.Request:
             wait_for_pause=request.wait_for_pause,
         )
         return servo_pb2.Request(number=request.number, parameters=changed)
+    if isinstance(request, DescribeFrame):
+        return servo_pb2.Request(number=request.number, describe=servo_pb2.DescribeFrame(place=request.place))
+    if isinstance(request, LocateFlange):
+        asked = wire_vector(request.position)
+        locate = servo_pb2.LocateFlange(position=() if asked is None else asked.value)
+        return servo_pb2.Request(number=request.number, locate=locate)
+    return _wire_rarer(request)
+
+
+def _wire_rarer(request: ChangeControlMode | ValidateLoad | PushArm | StopMotion) -> servo_pb2.Request:
+    if isinstance(request, ChangeControlMode):
+        mode = servo_pb2.ChangeControlMode(motion=request.motion, mode=wire_mode(request.mode))
+        return servo_pb2.Request(number=request.number, mode=mode)
+    if isinstance(request, ValidateLoad):
+        frame = wire_text(request.frame, MAX_FRAME_NAME_BYTES)
+        return servo_pb2.Request(number=request.number, validate=servo_pb2.ValidateLoad(frame=frame))
+    if isinstance(request, PushArm):
+        push = servo_pb2.PushArm(
+            link=request.link, force_n=request.force_n, moment_nm=request.moment_nm, duration_s=request.duration_s
+        )
+        return servo_pb2.Request(number=request.number, push=push)
     return servo_pb2.Request(number=request.number, stop=servo_pb2.StopMotion(motion=request.motion))
 
 

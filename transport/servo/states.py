@@ -2,14 +2,21 @@
 
 from typing import Final
 
+from hil.values.errors import ConfigurationError
+from hil.values.frames import MAX_FRAME_NAME_BYTES, MAX_FRAMES, Frame
+from hil.values.load import Load
 from hil.values.operator import OperatorView
+from hil.values.pose import Pose
 from hil.values.servo import (
     MAX_COMMANDER_BYTES,
     MAX_DETAIL_BYTES,
     MAX_MOTIONS_IN_PACKET,
     MAX_REASON_BYTES,
     MAX_REPORTS_IN_PACKET,
+    FlangeLocated,
+    FrameDescribed,
     GoalReached,
+    LoadValidated,
     MotionEnded,
     MotionState,
     Report,
@@ -19,8 +26,10 @@ from hil.values.servo import (
 )
 from transport.servo import servo_pb2, usual
 from transport.servo.fields import (
+    CONTROL_MODES,
     ENDS,
     ERRORS,
+    FRAME_KINDS,
     INTERPOLATORS,
     KINDS,
     MODES,
@@ -29,7 +38,10 @@ from transport.servo.fields import (
     PROGRAMS,
     SAFETY_STATES,
     fitting,
+    pose_numbers,
+    read_finite,
     read_member,
+    read_pose,
     read_text,
     read_vector,
     refuse_many,
@@ -70,6 +82,11 @@ def _read_snapshot(wire: servo_pb2.Snapshot) -> Snapshot:
         read_vector(wire.commanded_position),
         read_vector(wire.measured_torque),
         read_vector(wire.external_torque),
+        read_pose(wire.flange_in_base),
+        read_member(CONTROL_MODES, wire.control_mode, "control mode"),
+        read_vector(wire.external_torque_variance),
+        read_vector(wire.flange_force),
+        read_vector(wire.flange_force_variance),
         read_text(wire.commander, MAX_COMMANDER_BYTES, "commander"),
         tuple([_read_motion(motion) for motion in wire.motion]),
     )
@@ -131,7 +148,40 @@ def _read_report(wire: servo_pb2.Report) -> Report:
             read_text(ended.reason, MAX_REASON_BYTES, "reason"),
             read_text(ended.detail, MAX_DETAIL_BYTES, "detail"),
         )
+    if what == "frame":
+        return FrameDescribed(wire.number, wire.frame.request, _read_of(wire.frame.of), _read_frame(wire.frame))
+    if what == "flange":
+        return FlangeLocated(wire.number, wire.flange.request, read_pose(wire.flange.flange_in_base))
+    if what == "load":
+        return LoadValidated(wire.number, wire.load.request, read_text(wire.load.reason, MAX_REASON_BYTES, "reason"))
     raise undecodable(f"report {wire.number} says nothing")
+
+
+def _read_of(count: int) -> int:
+    if not 1 <= count <= MAX_FRAMES:
+        raise undecodable(f"a frame of {count}, there are 1 ... {MAX_FRAMES}")
+    return count
+
+
+def _read_frame(wire: servo_pb2.FrameDescribed) -> Frame:
+    load = wire.load
+    return Frame(
+        read_text(wire.name, MAX_FRAME_NAME_BYTES, "name of a frame"),
+        read_member(FRAME_KINDS, wire.kind, "frame kind"),
+        read_text(wire.parent, MAX_FRAME_NAME_BYTES, "name of a parent frame"),
+        read_pose(wire.in_parent),
+        _read_load(load) if wire.HasField("load") else None,
+    )
+
+
+def _read_load(wire: servo_pb2.Load) -> Load:
+    [mass_kg] = read_finite((wire.mass_kg,), 1, "a mass")
+    x, y, z = read_finite(wire.centre_m, 3, "a centre of mass")
+    xx, yy, zz, xy, xz, yz = read_finite(wire.inertia_kg_m2, 6, "an inertia")
+    try:
+        return Load(mass_kg, (x, y, z), (xx, yy, zz), (xy, xz, yz))
+    except ConfigurationError as error:
+        raise undecodable(f"a load no tool has: {error}") from None
 
 
 class StateWriter:
@@ -186,6 +236,11 @@ def _write_snapshot_head(snapshot: Snapshot) -> bytes:
         commanded_position=snapshot.commanded_position,
         measured_torque=snapshot.measured_torque,
         external_torque=snapshot.external_torque,
+        flange_in_base=_wire_pose(snapshot.flange_in_base),
+        control_mode=wire_number(snapshot.control_mode),
+        external_torque_variance=snapshot.external_torque_variance,
+        flange_force=snapshot.flange_force,
+        flange_force_variance=snapshot.flange_force_variance,
     )
     return wire.SerializeToString()
 
@@ -226,6 +281,14 @@ def _write_report(report: Report) -> bytes:
     elif isinstance(report, GoalReached):
         goal = servo_pb2.GoalReached(motion=report.motion, state=wire_number(report.state), position=report.position)
         wire = servo_pb2.Report(number=report.number, at_ns=report.at_ns, goal=goal)
+    elif isinstance(report, FrameDescribed):
+        wire = servo_pb2.Report(number=report.number, frame=_wire_frame(report))
+    elif isinstance(report, FlangeLocated):
+        flange = servo_pb2.FlangeLocated(request=report.request, flange_in_base=_wire_pose(report.flange_in_base))
+        wire = servo_pb2.Report(number=report.number, flange=flange)
+    elif isinstance(report, LoadValidated):
+        load = servo_pb2.LoadValidated(request=report.request, reason=wire_text(report.reason, MAX_REASON_BYTES))
+        wire = servo_pb2.Report(number=report.number, load=load)
     else:
         ended = servo_pb2.MotionEnded(
             motion=report.motion,
@@ -235,3 +298,27 @@ def _write_report(report: Report) -> bytes:
         )
         wire = servo_pb2.Report(number=report.number, at_ns=report.at_ns, ended=ended)
     return field(_REPORT, wire.SerializeToString())
+
+
+def _wire_frame(report: FrameDescribed) -> servo_pb2.FrameDescribed:
+    frame = report.frame
+    load = None
+    if frame.load is not None:
+        load = servo_pb2.Load(
+            mass_kg=frame.load.mass_kg,
+            centre_m=frame.load.centre_m,
+            inertia_kg_m2=frame.load.moments_kg_m2 + frame.load.products_kg_m2,
+        )
+    return servo_pb2.FrameDescribed(
+        request=report.request,
+        of=report.of,
+        name=wire_text(frame.name, MAX_FRAME_NAME_BYTES),
+        kind=wire_number(frame.kind),
+        parent=wire_text(frame.parent, MAX_FRAME_NAME_BYTES),
+        in_parent=_wire_pose(frame.in_parent),
+        load=load,
+    )
+
+
+def _wire_pose(pose: Pose) -> servo_pb2.Pose:
+    return servo_pb2.Pose(value=pose_numbers(pose))

@@ -7,7 +7,9 @@ read in 1.4 us instead of 4.4, a state with a motion in 6 instead of 11.
 
 from typing import Any, Final
 
+from hil.values.errors import MalformedDatagram
 from hil.values.operator import OperatorView
+from hil.values.pose import Pose
 from hil.values.servo import (
     MAX_COMMANDER_BYTES,
     MAX_MOTIONS_IN_PACKET,
@@ -23,6 +25,7 @@ from hil.values.servo import (
     State,
 )
 from transport.servo.fields import (
+    CONTROL_MODES,
     INTERPOLATORS,
     KINDS,
     MODES,
@@ -30,9 +33,13 @@ from transport.servo.fields import (
     PHASES,
     PROGRAMS,
     SAFETY_STATES,
+    finite_pose_numbers,
+    pose_numbers,
+    pose_of,
 )
 from transport.servo.layout import Layout
 
+_SIX: Final = 6
 _SEVEN: Final = 7
 _LOW: Final = 0x7F
 _MORE: Final = 0x80
@@ -53,15 +60,23 @@ _VELOCITY_TOO: Final = Layout(
     *_HEADER_PARTS, b"\x2a\x9b\x01\x09", "Q", b"\x10", "B", b"\x1a\x8d\x01\x09", "Q", b"\x1a\x81\x01\x09", "Q",
     *_POSITION, *_VELOCITY,
 )  # fmt: skip
+_FLANGE: Final = (b"\x22\x3a\x0a\x38", "7d")
+_POSE: Final = Layout(
+    *_HEADER_PARTS, b"\x2a\x5d\x09", "Q", b"\x10", "B", b"\x1a\x50\x09", "Q", b"\x1a\x45\x09", "Q", *_FLANGE
+)  # fmt: skip
+"""A destination as a pose instead: as long as one in axis positions, and another tag."""
 _COMMANDS: Final = {layout.size: layout for layout in (_NO_REQUEST, _DESTINATION, _VELOCITY_TOO)}
+_FLANGE_TAG_AT: Final = _POSE.size - 60
+"""Where the tag is that tells the two."""
 
 _SNAPSHOT_PARTS: Final = (
     b"\x09", "q", b"\x11", "Q",
     b"\x18", "B", b"\x20", "B", b"\x28", "B", b"\x31", "d", b"\x38", "B", b"\x40", "B",
-    b"\x4a\x38", "7d", b"\x52\x38", "7d", b"\x5a\x38", "7d", b"\x62\x38", "7d",
+    b"\x4a\x38", "7d", b"\x52\x38", "7d", b"\x5a\x38", "7d", b"\x62\x38", "7d", b"\x82\x01\x3a\x0a\x38", "7d",
+    b"\x88\x01", "B", b"\x92\x01\x1c", "7f", b"\x9a\x01\x18", "6f", b"\xa2\x01\x18", "6f",
 )  # fmt: skip
 _SNAPSHOT: Final = Layout(*_SNAPSHOT_PARTS)
-"""A snapshot up to the commander: time, cycle, what the operator's pad shows, the four vectors."""
+"""A snapshot up to the commander: time, cycle, what the operator's pad shows, the vectors, the flange."""
 _STATE_HEAD: Final = Layout(*_HEADER_PARTS, b"\x3a", "2B", b"\x09", "Q")
 """A state up to the snapshot: header, length, requests done."""
 STATE_HEAD_BYTES: Final = _STATE_HEAD.size
@@ -82,12 +97,19 @@ _REQUEST_TAKEN: Final = Layout(b"\x1a\x1f\x09", "Q", b"\x11", "q", b"\x1a\x0b\x0
 def read_command(packet: bytes) -> Command | None:
     """Return the command in ``packet``, if it asks for one destination or for none."""
     layout = _COMMANDS.get(len(packet))
+    if layout is _DESTINATION and packet[_FLANGE_TAG_AT] == _FLANGE[0][0]:
+        layout = _POSE
     numbers = None if layout is None else layout.unpack(packet)
     if numbers is None or numbers[4] > 1:
         return None
     requests: tuple[SetDestination, ...] = ()
     if layout is _DESTINATION:
         requests = (SetDestination(numbers[5], numbers[6], numbers[7:]),)
+    elif layout is _POSE:
+        flange_in_base = _pose(numbers[7:])
+        if flange_in_base is None:
+            return None
+        requests = (SetDestination(numbers[5], numbers[6], None, None, flange_in_base),)
     elif layout is _VELOCITY_TOO:
         requests = (SetDestination(numbers[5], numbers[6], numbers[7:14], numbers[14:]),)
     return Command(numbers[0], numbers[1], numbers[2], numbers[3], numbers[4] == 1, requests)
@@ -109,15 +131,28 @@ def write_command(command: Command) -> bytes | None:
     request = requests[0]
     if len(requests) > 1 or not isinstance(request, SetDestination):
         return None
-    number, motion, position, velocity = request
-    if position is None or len(position) != _SEVEN:
-        return None
-    if velocity is None:
+    number, motion, position, velocity, flange_in_base = request
+    if flange_in_base is None and velocity is None:
+        if position is None or len(position) != _SEVEN:
+            return None
         return _DESTINATION.pack(
             *header, b"\x2a\x5d\x09", seen, b"\x10", wanted, b"\x1a\x50\x09", number, b"\x1a\x45\x09", motion,
             _POSITION[0], *position,
         )  # fmt: skip
-    if len(velocity) != _SEVEN:
+    return _write_rarer(header, request, seen, wanted=wanted)
+
+
+def _write_rarer(header: tuple[Any, ...], request: SetDestination, seen: int, *, wanted: bool) -> bytes | None:
+    """Return a command with a destination that is a pose, or has a velocity."""
+    number, motion, position, velocity, flange_in_base = request
+    if flange_in_base is not None:
+        if position is not None or velocity is not None:
+            return None
+        return _POSE.pack(
+            *header, b"\x2a\x5d\x09", seen, b"\x10", wanted, b"\x1a\x50\x09", number, b"\x1a\x45\x09", motion,
+            _FLANGE[0], *finite_pose_numbers(flange_in_base),
+        )  # fmt: skip
+    if position is None or velocity is None or not len(position) == len(velocity) == _SEVEN:
         return None
     return _VELOCITY_TOO.pack(
         *header, b"\x2a\x9b\x01\x09", seen, b"\x10", wanted, b"\x1a\x8d\x01\x09", number, b"\x1a\x81\x01\x09", motion,
@@ -134,7 +169,8 @@ def read_state(packet: bytes) -> State | None:
     commander, at = _read_text(packet, _STATE.size, COMMANDER, MAX_COMMANDER_BYTES)
     reason, at = _read_text(packet, at, OPERATOR_REASON, MAX_REASON_BYTES)
     operator = _operator(numbers[10:16], reason)
-    if commander is None or operator is None or end > len(packet):
+    flange_in_base, control_mode = _pose(numbers[44:51]), CONTROL_MODES.get(numbers[51])
+    if commander is None or operator is None or flange_in_base is None or control_mode is None or end > len(packet):
         return None
     motions, reports = _read_motions(packet, at, end), _read_reports(packet, end)
     if motions is None or reports is None:
@@ -146,7 +182,12 @@ def read_state(packet: bytes) -> State | None:
         numbers[16:23],
         numbers[23:30],
         numbers[30:37],
-        numbers[37:],
+        numbers[37:44],
+        flange_in_base,
+        control_mode,
+        numbers[52:59],
+        numbers[59:65],
+        numbers[65:],
         commander,
         motions,
     )
@@ -167,15 +208,29 @@ def write_snapshot(snapshot: Snapshot) -> bytes | None:
     """Return a snapshot up to the commander, if it is of an arm with seven axes."""
     measured, commanded = snapshot.measured_position, snapshot.commanded_position
     torque, external = snapshot.measured_torque, snapshot.external_torque
-    if not len(measured) == len(commanded) == len(torque) == len(external) == _SEVEN:
+    variance, force, force_variance = (
+        snapshot.external_torque_variance,
+        snapshot.flange_force,
+        snapshot.flange_force_variance,
+    )
+    if not len(measured) == len(commanded) == len(torque) == len(external) == len(variance) == _SEVEN:
+        return None
+    if not len(force) == len(force_variance) == _SIX:
         return None
     mode, program, enabling, override_percent, safety_state, _, permissive = snapshot.operator
-    return _SNAPSHOT.pack(
-        b"\x09", snapshot.now_ns, b"\x11", snapshot.cycle,
-        b"\x18", mode, b"\x20", program, b"\x28", enabling, b"\x31", override_percent,
-        b"\x38", safety_state, b"\x40", permissive,
-        b"\x4a\x38", *measured, b"\x52\x38", *commanded, b"\x5a\x38", *torque, b"\x62\x38", *external,
-    )  # fmt: skip
+    try:
+        return _SNAPSHOT.pack(
+            b"\x09", snapshot.now_ns, b"\x11", snapshot.cycle,
+            b"\x18", mode, b"\x20", program, b"\x28", enabling, b"\x31", override_percent,
+            b"\x38", safety_state, b"\x40", permissive,
+            b"\x4a\x38", *measured, b"\x52\x38", *commanded, b"\x5a\x38", *torque, b"\x62\x38", *external,
+            b"\x82\x01\x3a\x0a\x38", *pose_numbers(snapshot.flange_in_base),
+            b"\x88\x01", snapshot.control_mode, b"\x92\x01\x1c", *variance,
+            b"\x9a\x01\x18", *force, b"\xa2\x01\x18", *force_variance,
+        )  # fmt: skip
+    except OverflowError:
+        # No single: protobuf makes it infinite.
+        return None
 
 
 def write_motion(motion: MotionState) -> bytes | None:
@@ -200,6 +255,13 @@ def write_request_taken(done: RequestDone) -> bytes | None:
     return _REQUEST_TAKEN.pack(
         b"\x1a\x1f\x09", done.number, b"\x11", done.at_ns, b"\x1a\x0b\x09", done.request, b"\x10\x00"
     )
+
+
+def _pose(numbers: tuple[float, ...]) -> Pose | None:
+    try:
+        return pose_of(numbers)
+    except MalformedDatagram:
+        return None
 
 
 def _read_text(packet: bytes, at: int, tag: bytes, most_bytes: int) -> tuple[str | None, int]:

@@ -51,12 +51,28 @@ from hil.client.servo.errors import (
     SessionEnded,
     SessionRefused,
 )
-from hil.client.servo.motions import PositionControlMode
 from hil.client.servo.runtime import IServoOnGoalReachedEvent
 from hil.client.servo.session import ServoSession
 from hil.client.servo.statistic_timer import OneTimeStep, StatisticTimer
+from hil.values.control import (
+    CartesianDof,
+    CartesianImpedanceControlMode,
+    CartesianPlane,
+    CartesianSineImpedanceControlMode,
+    ControlModeSettings,
+    ForceOscillation,
+    JointImpedanceControlMode,
+    PositionControlMode,
+    by_translation,
+    create_desired_force,
+    create_lissajous_pattern,
+    create_sine_pattern,
+    create_spiral_pattern,
+)
 from hil.values.errors import ConfigurationError, EndpointError, HilError, OutOfRange, UsageError
-from hil.values.fri import OperationMode, SafetyState
+from hil.values.frames import Frame, FrameKind, FrameTree
+from hil.values.fri import ControlMode, OperationMode, SafetyState
+from hil.values.load import Load
 from hil.values.motion import (
     DIRECT_SERVO_DELTA_RAD,
     ErrorReason,
@@ -67,6 +83,7 @@ from hil.values.motion import (
 )
 from hil.values.operator import OperatorView, ProgramState
 from hil.values.outcomes import Outcome
+from hil.values.pose import Pose
 from hil.values.servo import SERVO_PORT, MotionState, Role, Snapshot, Vector, Welcome
 from transport.servo import load_key
 
@@ -80,18 +97,30 @@ __all__ = [
     "AsyncServoClient",
     "AsyncSmartServo",
     "AsyncSmartServoRuntime",
+    "CartesianDof",
+    "CartesianImpedanceControlMode",
+    "CartesianPlane",
+    "CartesianSineImpedanceControlMode",
     "CommandInvalidException",
     "ConfigurationError",
+    "ControlMode",
+    "ControlModeSettings",
     "ControllerSilent",
     "DirectServo",
     "DirectServoRuntime",
     "EndpointError",
     "ErrorReason",
     "FineInterpolatorState",
+    "ForceOscillation",
+    "Frame",
+    "FrameKind",
+    "FrameTree",
     "HilError",
     "IServoOnGoalReachedEvent",
     "IllegalArgumentException",
     "IllegalStateException",
+    "JointImpedanceControlMode",
+    "Load",
     "MotionKind",
     "MotionParameters",
     "MotionPhase",
@@ -101,6 +130,7 @@ __all__ = [
     "OperatorView",
     "OutOfRange",
     "Outcome",
+    "Pose",
     "PositionControlMode",
     "ProgramState",
     "Role",
@@ -116,5 +146,10 @@ __all__ = [
     "UsageError",
     "Vector",
     "Welcome",
+    "by_translation",
+    "create_desired_force",
+    "create_lissajous_pattern",
+    "create_sine_pattern",
+    "create_spiral_pattern",
     "load_key",
 ]

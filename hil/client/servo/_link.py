@@ -5,10 +5,13 @@ import socket
 from typing import Final
 
 from hil.client._clock import Deadline
+from hil.client.servo import _frames as frames
+from hil.client.servo._frames import MovedFrame
 from hil.client.servo.errors import IllegalArgumentException
 from hil.client.servo.motions import Motion
 from hil.client.servo.session import ServoSession
 from hil.values.errors import ConfigurationError, EndpointError, OutOfRange, UsageError
+from hil.values.frames import FrameTree
 from hil.values.link import Address
 from hil.values.motion import ParameterRange
 from hil.values.operator import OperatorView
@@ -78,6 +81,8 @@ class ClientShell:
         self._codec = ServoCodec(key)
         if len(name.encode(errors="replace")) > MAX_NAME_BYTES or not name.isprintable():
             raise ConfigurationError(f"the name {name!r} is no printable text of at most {MAX_NAME_BYTES} bytes")
+        self.validation_failure = ""
+        """Why the load validated last is not the true one; empty when it is."""
         self.session = self._new_session()
         """The session: its state, and its counters."""
 
@@ -99,11 +104,22 @@ class ClientShell:
         """What the operator's pad shows, as the latest state says it: whether motions may run, and if not, why."""
         return self._snapshot().operator
 
-    def _take(self, motion: object) -> None:
-        """Let ``motion`` belong to this client; raise where it is none, or may not be started now."""
+    @property
+    def frames(self) -> FrameTree:
+        """All frames of the robot, as they were when the session began; they do not change while it runs."""
+        if self.session.frames is None:
+            raise not_open()
+        return self.session.frames
+
+    def _take(self, motion: object, frame: object) -> MovedFrame:
+        """Let ``motion`` belong to this client; return the frame that is to be moved.
+
+        Raises where it is no motion, or may not be started now, or the frame does not move.
+        """
         if not isinstance(motion, Motion):
             raise IllegalArgumentException(f"{motion!r} is no motion; a SmartServo, a DirectServo or a PTP is needed")
         motion.bind(self)
+        return frames.moved_frame(self.frames, frame)
 
     def _snapshot(self) -> Snapshot:
         snapshot = self.session.snapshot

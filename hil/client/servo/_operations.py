@@ -6,8 +6,10 @@ session has to say and takes in what comes. What goes wrong is raised by the ope
 
 import math
 from collections.abc import Callable, Generator
+from functools import partial
 from typing import Final, NamedTuple, TypeAlias, TypeVar
 
+from hil.client.servo._frames import FLANGE_ITSELF, MovedFrame
 from hil.client.servo._requests import Pending
 from hil.client.servo.errors import (
     CALLED_PREMATURELY,
@@ -21,16 +23,37 @@ from hil.client.servo.errors import (
 )
 from hil.client.servo.motions import Motion
 from hil.client.servo.session import MotionRecord, ServoSession, Update
-from hil.values.errors import EndpointError
+from hil.values.arm import Push
+from hil.values.errors import ConfigurationError, EndpointError
+from hil.values.frames import Frame, FrameTree
 from hil.values.link import Address
 from hil.values.motion import MotionEnd, MotionPhase
-from hil.values.servo import Request, RequestDone, RequestError, Snapshot, StopMotion
+from hil.values.pose import Pose
+from hil.values.servo import (
+    MAX_REQUESTS_IN_PACKET,
+    DescribeFrame,
+    FlangeLocated,
+    FrameDescribed,
+    LoadValidated,
+    LocateFlange,
+    PushArm,
+    Request,
+    RequestDone,
+    RequestError,
+    Snapshot,
+    StopMotion,
+    ValidateLoad,
+    Vector,
+)
 
 RETRY_S: Final = 0.05
 """Between two hellos."""
 ANSWER_S: Final = 10.0
 """How long a request may stay without an outcome while states come, and no pause is on. Loss costs far less, at any
 rate worth using."""
+
+_ALWAYS_THERE: Final = 3
+"""Frames that every robot has: world, base and flange, in this order."""
 
 _T = TypeVar("_T")
 
@@ -66,12 +89,68 @@ def connect(session: ServoSession, *, controller: Address, timeout_s: float) -> 
     )
 
 
-def start(session: ServoSession, motion: Motion) -> Operation[None]:
-    """Start a motion; it is known to be running or waiting once the controller has taken it."""
+def fetch_frames(session: ServoSession) -> Operation[FrameTree]:
+    """Ask for all frames of the robot, six in a packet, and keep them for the session."""
+    frames: list[Frame] = []
+    of = _ALWAYS_THERE
+    while len(frames) < of:
+        check(session)
+        places = range(len(frames), min(of, len(frames) + MAX_REQUESTS_IN_PACKET))
+        asked = [session.ask(partial(_describe, place)) for place in places]
+        yield Wait(lambda asked=asked: session.over or all(pending.done for pending in asked), ANSWER_S)  # type: ignore[misc]
+        for pending in asked:
+            if pending.done is None:
+                check(session)
+                raise _unanswered("did not describe the frames of the robot")
+            yield from _answer(session, pending)
+            if not isinstance(pending.answer, FrameDescribed):
+                raise _unanswered("did not describe a frame of the robot")
+            of = pending.answer.of
+            frames.append(pending.answer.frame)
+    try:
+        session.frames = FrameTree(frames[_ALWAYS_THERE:], base_in_world=frames[1].in_parent)
+    except ConfigurationError as error:
+        raise EndpointError(f"the controller has frames that are no tree: {error}") from error
+    return session.frames
+
+
+def _describe(place: int, number: int) -> DescribeFrame:
+    return DescribeFrame(number, place)
+
+
+def locate_flange(session: ServoSession, position_rad: Vector) -> Operation[Pose]:
+    """Ask where the flange is in the robot base at axis positions."""
     check(session)
-    pending = session.ask(motion.request)
+    pending = session.ask(lambda number: LocateFlange(number, position_rad))
+    yield from _answer(session, pending)
+    if not isinstance(pending.answer, FlangeLocated):
+        raise _unanswered("did not say where the flange is")
+    return pending.answer.flange_in_base
+
+
+def validate_load(session: ServoSession, frame: str) -> Operation[str]:
+    """Ask whether the load of a frame's tool is the true one; return why not, or an empty text."""
+    check(session)
+    pending = session.ask(lambda number: ValidateLoad(number, frame))
+    yield from _answer(session, pending)
+    if not isinstance(pending.answer, LoadValidated):
+        raise _unanswered("did not say whether the load is valid")
+    return pending.answer.reason
+
+
+def push(session: ServoSession, pushed: Push) -> Operation[None]:
+    """Push a simulated arm."""
+    check(session)
+    yield from _answer(session, session.ask(lambda number: PushArm(number, *pushed)))
+
+
+def start(session: ServoSession, motion: Motion, moved: MovedFrame = FLANGE_ITSELF) -> Operation[None]:
+    """Start a motion of a frame; it is known to be running or waiting once the controller has taken it."""
+    check(session)
+    pending = session.ask(lambda number: motion.request(number, moved))
     # Known at once, so that who gives up waiting can still stop it.
     motion.record = session.motions[pending.request.number]
+    motion.record.flange_in_moved = moved.flange_in_it
     try:
         yield from _answer(session, pending)
     except (IllegalArgumentException, IllegalStateException, CommandInvalidException):
@@ -79,9 +158,9 @@ def start(session: ServoSession, motion: Motion) -> Operation[None]:
         raise
 
 
-def move(session: ServoSession, motion: Motion) -> Operation[None]:
+def move(session: ServoSession, motion: Motion, moved: MovedFrame = FLANGE_ITSELF) -> Operation[None]:
     """Start a motion and wait until it is over; raise if it did not end by itself."""
-    yield from start(session, motion)
+    yield from start(session, motion, moved)
     yield from finished(motion.record, timeout_s=None)
 
 

@@ -5,7 +5,16 @@ from collections.abc import Callable
 from typing import Final
 
 from hil.client.servo.errors import IllegalStateException
-from hil.values.servo import MAX_REQUESTS_IN_PACKET, Request, RequestDone, RequestError, SetDestination
+from hil.values.servo import (
+    MAX_REQUESTS_IN_PACKET,
+    FlangeLocated,
+    FrameDescribed,
+    LoadValidated,
+    Request,
+    RequestDone,
+    RequestError,
+    SetDestination,
+)
 
 MAX_OUTSTANDING: Final = 64
 """Requests the controller has not taken yet; one more is refused at the call."""
@@ -15,11 +24,13 @@ _LOST: Final = "the controller's answer to this request was lost"
 class Pending:
     """One request; ``done`` says what became of it, or of the one that superseded it, once that is known."""
 
-    __slots__ = ("done", "older", "request", "superseded")
+    __slots__ = ("answer", "done", "older", "request", "superseded")
 
     def __init__(self, request: Request) -> None:
         self.request = request
         self.done: RequestDone | None = None
+        self.answer: FrameDescribed | FlangeLocated | LoadValidated | None = None
+        """What was asked for, of a question; it comes before ``done``."""
         self.superseded = False
         self.older: list[Pending] = []
         """Requests this one superseded, which share its outcome unless they had one of their own."""
@@ -89,6 +100,12 @@ class RequestBook:
             if not older.superseded:
                 older.resolve(RequestDone(done.number, number, done.at_ns, RequestError.ILLEGAL_STATE, _LOST))
         return pending.request
+
+    def answered(self, answer: FrameDescribed | FlangeLocated | LoadValidated) -> None:
+        """Note the answer to a question."""
+        pending = self._unresolved.get(answer.request)
+        if pending is not None:
+            pending.answer = answer
 
     def _supersede(self, newer: Pending, motion: int) -> None:
         for older in self._outstanding:

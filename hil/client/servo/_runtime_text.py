@@ -7,6 +7,7 @@ from hil.client.servo.session import MotionRecord, Update
 from hil.client.servo.statistic_timer import StatisticTimer
 from hil.values.motion import MotionKind
 from hil.values.operator import OperatorView, ProgramState
+from hil.values.pose import Pose
 from hil.values.servo import Vector
 
 _KINDS: Final = {MotionKind.PTP: "PTP", MotionKind.SMART_SERVO: "SmartServo", MotionKind.DIRECT_SERVO: "DirectServo"}
@@ -50,6 +51,7 @@ def _positions(_: MotionRecord, update: Update) -> Iterator[str]:
     yield f"destination {_numbers(motion.destination)} rad, arrived at {_seconds(motion.destination_at_ns)}"
     yield f"set point   {_numbers(snapshot.commanded_position)} rad"
     yield f"measured    {_numbers(snapshot.measured_position)} rad"
+    yield f"flange      {_pose(snapshot.flange_in_base)} in the robot base"
     yield (
         f"destinations received {motion.received}, superseded {motion.superseded}, executed {motion.executed}, "
         f"the last at {_seconds(motion.executed_at_ns)}; goals reached {motion.goals_reached}"
@@ -76,6 +78,10 @@ def _everything_else(record: MotionRecord, update: Update) -> Iterator[str]:
 
 def _numbers(values: Vector) -> str:
     return f"[{', '.join(f'{value:.6f}' for value in values)}]" if values else "none"
+
+
+def _pose(pose: Pose) -> str:
+    return f"{_numbers(pose.position_m)} m, A B C {_numbers(pose.abc_rad())} rad"
 
 
 def _seconds(time_ns: int) -> str:

@@ -2,16 +2,24 @@
 
 from collections.abc import AsyncIterator, Iterable
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import Self, TypeVar, overload
 
+from hil.client.servo import _frames as frames
 from hil.client.servo import _operations as operations
+from hil.client.servo._frames import FrameName
 from hil.client.servo._link import ClientShell, address_of, not_open, open_socket
 from hil.client.servo._operations import Operation
+from hil.client.servo._pushes import checked_push
 from hil.client.servo._reader import Reader
 from hil.client.servo.errors import CALLED_PREMATURELY, IllegalStateException, wrong_client
 from hil.client.servo.motions import DirectServoMotion, Motion, PtpMotion, SmartServoMotion
-from hil.client.servo.runtime import ServoRuntime
+from hil.client.servo.runtime import UNSAID, ServoRuntime, VelocityOrReference
 from hil.client.servo.session import MotionRecord, Update
+from hil.values.arm import DEFAULT_PUSH_S
+from hil.values.control import ControlModeSettings
+from hil.values.frames import BASE, FLANGE
+from hil.values.pose import Pose
+from hil.values.robot import JOINT_COUNT
 from hil.values.servo import Snapshot
 
 _T = TypeVar("_T")
@@ -39,6 +47,7 @@ class AsyncServoClient(ClientShell):
         reader = await Reader.open(link, open_socket(address))
         try:
             await reader.run(operations.connect(link.session, controller=address, timeout_s=self._connect_timeout_s))
+            await reader.run(operations.fetch_frames(link.session))
         except BaseException:
             await reader.close()
             raise
@@ -48,15 +57,40 @@ class AsyncServoClient(ClientShell):
         """Say goodbye and close; does nothing when it is closed. What the session commanded brakes."""
         await self._close(None)
 
-    async def move_async(self, motion: "AsyncMotion") -> None:
-        """Start ``motion``, or queue it behind those that run or wait; return when the controller has taken it."""
-        self._take(motion)
-        await self._run(operations.start(self.session, motion))
+    async def move_async(self, motion: "AsyncMotion", frame: FrameName = FLANGE) -> None:
+        """Start ``motion``, or queue it behind those that run or wait; return when the controller has taken it.
 
-    async def move(self, motion: "AsyncMotion") -> None:
+        ``frame`` is what its Cartesian destinations are for: the flange, or a frame that moves with it (manual 8.1.2).
+        """
+        await self._run(operations.start(self.session, motion, self._take(motion, frame)))
+
+    async def move(self, motion: "AsyncMotion", frame: FrameName = FLANGE) -> None:
         """Start ``motion`` and wait until it has ended; raise :class:`CommandInvalidException` if not by itself."""
-        self._take(motion)
-        await self._run(operations.move(self.session, motion))
+        await self._run(operations.move(self.session, motion, self._take(motion, frame)))
+
+    async def validate_for_impedance_mode(self, frame: FrameName = FLANGE) -> bool:
+        """Return whether the load of ``frame``'s tool explains what the torque sensors show at rest (manual 7.10.1).
+
+        Impedance control needs it once in a session. Where it fails, :attr:`validation_failure` says why.
+        """
+        moved = frames.moved_frame(self.frames, frame)
+        self.validation_failure = await self._run(operations.validate_load(self.session, moved.name))
+        return not self.validation_failure
+
+    async def push(
+        self,
+        force_n: Iterable[float],
+        *,
+        link: int = JOINT_COUNT,
+        moment_nm: Iterable[float] = (0.0, 0.0, 0.0),
+        duration_s: float = DEFAULT_PUSH_S,
+    ) -> None:
+        """Push a simulated arm at the outer end of a link (7: the flange), N and Nm in axes of the robot base.
+
+        Only with ``role=Role.OPERATOR``; a new push replaces the one before. At most 500 N, 100 Nm, 60 s: raises
+        :class:`OutOfRange` at the call.
+        """
+        await self._run(operations.push(self.session, checked_push(link, force_n, moment_nm, duration_s)))
 
     def read_state(self) -> Snapshot:
         """Return the latest state of controller, arm and motions; does not wait."""
@@ -126,13 +160,36 @@ class AsyncRuntime(ServoRuntime):
         super().__init__(record, update)
         self._client = client
 
-    async def set_destination(self, position: Iterable[float], velocity: Iterable[float] | None = None) -> int:
-        """Go to ``position`` (rad), to be passed with ``velocity`` (rad/s); return when it arrived, in ns."""
-        return await self._client._run(self._setting_destination(position, velocity))
+    @overload
+    async def set_destination(self, destination: Pose, reference: FrameName = ..., /) -> int: ...
+    @overload
+    async def set_destination(self, destination: Iterable[float], velocity: Iterable[float] | None = ..., /) -> int: ...
+    async def set_destination(
+        self, destination: Iterable[float] | Pose, velocity_or_reference: VelocityOrReference = UNSAID, /
+    ) -> int:
+        """Go to axis positions (rad), passed with ``velocity`` (rad/s), or a Pose; return when it arrived, in ns."""
+        return await self._client._run(self._setting_destination(destination, velocity_or_reference))
+
+    async def get_current_cartesian_destination(
+        self, frame_on_flange: FrameName, reference: FrameName = BASE
+    ) -> Pose | None:
+        """Pose of ``frame_on_flange`` in ``reference`` at the last destination; None before there is one.
+
+        Of the last update; the controller is asked, once, where the flange is at a destination in axis positions.
+        Raises :class:`IllegalArgumentException` (manual 10.2).
+        """
+        return await self._client._run(self._reading_cartesian_destination(frame_on_flange, reference))
 
     async def update_with_realtime_system(self) -> None:
         """Fetch a fresh state: one that the controller sends after the call."""
         await self._client._run(self._updating())
+
+    async def change_control_mode_settings(self, mode: ControlModeSettings) -> None:
+        """Change the parameters the arm is controlled with, while it moves (manual 7.10.3); the kind stays.
+
+        Raises :class:`IllegalArgumentException` for another kind of control.
+        """
+        await self._client._run(self._changing_control_mode(mode))
 
     async def set_minimum_trajectory_execution_time(self, seconds: float) -> None:
         """Shortest time in s from a destination to reaching it: >= 0, default 0.01. Changes the path."""

@@ -27,6 +27,11 @@ NOT_TRANSFERRED_IN_TIME: Final = "waitForTransferred timeout to become activated
 """Manual 10.2, of getRuntime: the motions before it take too long."""
 CALLED_PREMATURELY: Final = "waitForTransferred called prematurely - RealtimeMotion is not active"
 """Manual 10.2, of getRuntime and stopMotion: the motion was not started."""
+FRAME_ON_FLANGE_IS_NULL: Final = "frameOnFlange is null"
+BASE_IS_NULL: Final = "base is null"
+FRAME_IS_NOT_ON_FLANGE: Final = "frameOnFlange is not frame below or equal to the flange of this robot"
+BASE_IS_NOT_STATIC: Final = "base is not static relative to the base of this robot"
+"""Manual 10.2, of the Cartesian getters; ours raise them of destinations and of the moved frame too."""
 
 
 _WATCHDOG: Final = "the watchdog allows"

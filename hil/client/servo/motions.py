@@ -7,11 +7,14 @@ answers with the manual's errors.
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from dataclasses import replace
+from typing import ClassVar, Self, get_args
 
+from hil.client.servo import _frames as frames
+from hil.client.servo._frames import FLANGE_ITSELF, MovedFrame
 from hil.client.servo.errors import IllegalArgumentException, IllegalStateException
 from hil.client.servo.session import MotionRecord
+from hil.values.control import POSITION_CONTROL, ControlModeSettings
 from hil.values.motion import (
     ACCELERATION_OVERRIDE,
     BLENDING_REL,
@@ -24,12 +27,16 @@ from hil.values.motion import (
     MotionKind,
     MotionParameters,
 )
+from hil.values.pose import Pose
 from hil.values.servo import MAX_VECTOR_NUMBERS, StartMotion, Vector
 
 
-@dataclass(frozen=True, slots=True)
-class PositionControlMode:
-    """Position control, the one control mode there is now."""
+def control_mode(mode: object) -> ControlModeSettings:
+    """Return ``mode``; raise :class:`IllegalArgumentException` where it is none."""
+    if not isinstance(mode, ControlModeSettings):
+        names = ", ".join(kind.__name__ for kind in get_args(ControlModeSettings))
+        raise IllegalArgumentException(f"{mode!r} is no control mode; one of {names} is needed")
+    return mode
 
 
 def vector(name: str, values: Iterable[float]) -> Vector:
@@ -44,15 +51,24 @@ def vector(name: str, values: Iterable[float]) -> Vector:
 
 
 class Motion(ABC):
-    """What all motions share: destination (seven axes, rad), joint velocity and acceleration, and the control mode."""
+    """What all motions share: destination, joint velocity and acceleration, and the control mode.
+
+    A destination is seven axis positions in rad, or a :class:`Pose` of the moved frame in the robot base.
+    """
 
     kind: ClassVar[MotionKind]
 
-    def __init__(self, destination: Iterable[float] | None) -> None:
+    def __init__(self, destination: Iterable[float] | Pose | None) -> None:
         self.parameters = MotionParameters()
         """As they are set now."""
-        self.destination = None if destination is None else vector("destination", destination)
-        """Where the motion goes first, in rad; None: nowhere, until it is told."""
+        self.destination: Vector | Pose | None = None
+        """Where the motion goes first; None: nowhere, until it is told."""
+        if isinstance(destination, Pose):
+            self.destination = frames.pose("destination", destination)
+        elif destination is not None:
+            self.destination = vector("destination", destination)
+        self.mode: ControlModeSettings = POSITION_CONTROL
+        """How the arm is controlled."""
         self.record: MotionRecord | None = None
         """What the session knows of it; None before it is started."""
 
@@ -64,17 +80,22 @@ class Motion(ABC):
         """Highest axis acceleration, as a share of the base acceleration: 0..1, default 1. No effect on DirectServo."""
         return self._set(joint_acceleration_rel=JOINT_ACCELERATION_REL.check(value))
 
-    def set_mode(self, mode: PositionControlMode) -> Self:
-        """Choose the control mode: position control is all there is now, anything else is refused."""
-        if not isinstance(mode, PositionControlMode):
-            raise IllegalArgumentException(
-                f"control mode {type(mode).__name__} is not there yet; motions run under PositionControlMode only"
-            )
-        return self._set()
+    def set_mode(self, mode: ControlModeSettings) -> Self:
+        """Choose how the arm is controlled while the motion has it (manual 7.10.2); default: position control.
 
-    def request(self, number: int) -> StartMotion:
-        """Return the request that starts the motion."""
-        return StartMotion(number, self.kind, self.parameters, self.destination)
+        Impedance control needs a load that was validated: ``validate_for_impedance_mode`` of the client.
+        """
+        self.must_not_run("its control mode is set before move_async")
+        self.mode = control_mode(mode)
+        return self
+
+    def request(self, number: int, moved: MovedFrame = FLANGE_ITSELF) -> StartMotion:
+        """Return the request that starts the motion of a frame."""
+        destination, start = self.destination, StartMotion(number, self.kind, self.parameters, None)
+        start = start._replace(mode=self.mode, frame=moved.name)
+        if isinstance(destination, Pose):
+            return start._replace(flange_in_base=destination @ moved.flange_in_it)
+        return start._replace(destination=destination)
 
     @property
     def started(self) -> bool:
@@ -99,7 +120,7 @@ class Motion(ABC):
 class ServoMotion(Motion):
     """What SmartServo and DirectServo share beside: it goes to ``initial_position`` first, or stays (None)."""
 
-    def __init__(self, initial_position: Iterable[float] | None = None) -> None:
+    def __init__(self, initial_position: Iterable[float] | Pose | None = None) -> None:
         super().__init__(initial_position)
 
     def set_minimum_trajectory_execution_time(self, seconds: float) -> Self:
@@ -140,7 +161,7 @@ class PtpMotion(Motion):
 
     kind = MotionKind.PTP
 
-    def __init__(self, destination: Iterable[float]) -> None:
+    def __init__(self, destination: Iterable[float] | Pose) -> None:
         super().__init__(destination)
 
     def set_blending_rel(self, value: float) -> Self:

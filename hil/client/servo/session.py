@@ -12,17 +12,22 @@ from typing import Final, NamedTuple
 
 from hil.client.servo._requests import Pending, RequestBook
 from hil.values.errors import MalformedDatagram
+from hil.values.frames import FrameTree
 from hil.values.motion import MotionEnd, MotionKind
 from hil.values.operator import ProgramState
 from hil.values.outcomes import Outcome
+from hil.values.pose import NOWHERE, Pose
 from hil.values.servo import (
     PROTOCOL_VERSION,
     Command,
     Ended,
+    FlangeLocated,
+    FrameDescribed,
     FromController,
     GoalReached,
     Goodbye,
     Hello,
+    LoadValidated,
     MotionEnded,
     MotionState,
     Refused,
@@ -32,6 +37,7 @@ from hil.values.servo import (
     RequestError,
     Role,
     ServoClientCodec,
+    SetDestination,
     Snapshot,
     StartMotion,
     State,
@@ -78,7 +84,7 @@ class Update(NamedTuple):
 class MotionRecord:
     """What is known of one motion of this session."""
 
-    __slots__ = ("ended", "kind", "number", "on_goal", "session", "shown")
+    __slots__ = ("ended", "flange_in_moved", "kind", "number", "on_goal", "session", "shown", "taken")
 
     def __init__(self, session: "ServoSession", number: int, kind: MotionKind) -> None:
         self.session = session
@@ -89,6 +95,17 @@ class MotionRecord:
         self.ended: MotionEnded | None = None
         self.on_goal: Callable[[GoalReached], None] | None = None
         """Who wants to hear of goals reached; called by the shell, not by the session."""
+        self.flange_in_moved = NOWHERE
+        """Where the flange stands in the frame that the motion moves."""
+        self.taken: DestinationTaken | None = None
+        """The last destination that the controller took."""
+
+
+class DestinationTaken(NamedTuple):
+    """A destination that the controller took ``at_ns``, and its pose where it was given as one."""
+
+    at_ns: int
+    flange_in_base: Pose | None
 
 
 class GoalEvent(NamedTuple):
@@ -122,6 +139,8 @@ class ServoSession:
         """The latest state."""
         self.outcomes: Counter[Outcome] = Counter()
         """What became of everything that was received."""
+        self.frames: FrameTree | None = None
+        """Frames of the robot, once they were fetched."""
         self.requests = RequestBook()
         self.motions: dict[int, MotionRecord] = {}
         """Motions that did not end, by number."""
@@ -306,9 +325,9 @@ class ServoSession:
     def _take_report(self, report: Report) -> None:
         # Seen last: whoever is interrupted in here meets the report again.
         if isinstance(report, RequestDone):
-            request = self.requests.resolve(report)
-            if isinstance(request, StartMotion) and report.error is not RequestError.NONE:
-                self.motions.pop(request.number, None)
+            self._take_done(self.requests.resolve(report), report)
+        elif isinstance(report, FrameDescribed | FlangeLocated | LoadValidated):
+            self.requests.answered(report)
         elif isinstance(report, GoalReached):
             record = self.motions.get(report.motion)
             if record is not None and record.on_goal is not None:
@@ -319,3 +338,16 @@ class ServoSession:
                 record.ended = report
         self.reports_lost += report.number - self.reports_seen - 1
         self.reports_seen = report.number
+
+    def _take_done(self, request: Request | None, done: RequestDone) -> None:
+        if isinstance(request, StartMotion):
+            number = request.number
+            if done.error is not RequestError.NONE:
+                self.motions.pop(number, None)
+        elif isinstance(request, SetDestination):
+            number = request.motion
+        else:
+            return
+        record = self.motions.get(number)
+        if record is not None and done.error is RequestError.NONE:
+            record.taken = DestinationTaken(done.at_ns, request.flange_in_base)

@@ -4,12 +4,16 @@ A motion is told times, never reads them: ``now_ns`` is the nominal time of the 
 began, both on the core's axis. What goes wrong is returned as a :class:`Fault`, because it happens in the cycle.
 """
 
+import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from hil.core.kinematics.answers import NoPosition
 from hil.core.motion.flange_limit import FlangeLimit
 from hil.core.motion.set_point import SetPoint
+from hil.values.control import ControlSetup
 from hil.values.motion import (
     MINIMUM_EXECUTION_TIME,
     ErrorReason,
@@ -18,6 +22,7 @@ from hil.values.motion import (
     MotionKind,
     MotionParameters,
 )
+from hil.values.pose import Pose
 from hil.values.robot import JointLimits, ServoDynamics, Seven
 from hil.values.servo import Vector
 
@@ -34,6 +39,8 @@ class MotionBasis:
     direct_servo_dead_time_ns: int
     flange: FlangeLimit
     """What a PTP has to keep in T1."""
+    axes_nearest: Callable[[Pose, Seven], Seven | NoPosition]
+    """Axis positions of a pose of the flange in the robot base, nearest to others in rad; or why there are none."""
 
 
 class Accounting(NamedTuple):
@@ -49,8 +56,10 @@ class ApplicationMotion(ABC):
     """One PTP, SmartServo or DirectServo. It is asked nothing before ``begin`` but ``set_destination``."""
 
     kind: MotionKind
+    out_of_range: ErrorReason
+    """What a destination outside the axis ranges is called, and a pose no axis positions lead to."""
 
-    def __init__(self, parameters: MotionParameters, *, basis: MotionBasis, destination: Vector | None) -> None:
+    def __init__(self, parameters: MotionParameters, *, basis: MotionBasis, destination: Vector | Pose | None) -> None:
         self.parameters = parameters
         self.basis = basis
         self.interpolator = FineInterpolatorState.MOVING
@@ -61,7 +70,24 @@ class ApplicationMotion(ABC):
         """Last destination taken, rad; None before ``begin`` of a motion that was given none."""
         self.destination_at_ns = 0
         """When it arrived at the controller."""
+        self.control = ControlSetup()
+        """How the arm is controlled while it has it; its kind stays."""
         self._initial_destination = destination
+
+    def first_destination(self, start: SetPoint) -> Vector | Fault | None:
+        """Return the axis positions it was made to go to, from ``start``; None if it was made without a destination."""
+        made = self._initial_destination
+        return self.axes_of(made, near_rad=start.position_rad) if isinstance(made, Pose) else made
+
+    def axes_of(self, flange_in_base: Pose, *, near_rad: Seven) -> Seven | Fault:
+        """Return the axis positions of a destination that is a pose, nearest to others; or why the motion ends."""
+        x_m, y_m, z_m, rotation = flange_in_base
+        if not all(map(math.isfinite, flange_in_base.position_m)):
+            return Fault(ErrorReason.INVALID_INPUT_VALUES, f"destination at x {x_m}, y {y_m}, z {z_m} m")
+        if not all(map(math.isfinite, rotation)):
+            return Fault(ErrorReason.INVALID_INPUT_VALUES, f"destination with the rotation {rotation}")
+        found = self.basis.axes_nearest(flange_in_base, near_rad)
+        return Fault(self.out_of_range, str(found)) if isinstance(found, NoPosition) else found
 
     @abstractmethod
     def begin(self, start: SetPoint, *, measured_rad: Seven, now_ns: int) -> Fault | None:

@@ -39,6 +39,7 @@ from hil.values.motion import (
     MotionKind,
     MotionParameters,
 )
+from hil.values.pose import Pose
 from hil.values.robot import JOINT_NAMES, Seven
 from hil.values.servo import Vector
 
@@ -53,7 +54,7 @@ class DirectServo(ServoMotion):
     out_of_range = ErrorReason.DIRECT_SERVO_LIMIT
     takes_velocity = False
 
-    def __init__(self, parameters: MotionParameters, *, basis: MotionBasis, destination: Vector | None) -> None:
+    def __init__(self, parameters: MotionParameters, *, basis: MotionBasis, destination: Vector | Pose | None) -> None:
         super().__init__(parameters, basis=basis, destination=destination, dead_time_ns=basis.direct_servo_dead_time_ns)
         self._filter: DirectFilter
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Final
 
+from hil.core.motion.application_motion import ApplicationMotion
 from hil.core.motion.axis_range import within_range
 from hil.core.motion.brake import Brake
 from hil.core.motion.joint_overlay import JointOverlay
@@ -11,9 +12,13 @@ from hil.core.motion.position_hold import PositionHold
 from hil.core.motion.queue import MotionQueue
 from hil.core.motion.set_point import STILL, SetPoint
 from hil.core.motion.tempo import Tempo
+from hil.values.arm import seven
+from hil.values.control import NO_WRENCH, ControlSetup, Six
 from hil.values.errors import IllegalTransition
 from hil.values.motion import Fault
 from hil.values.robot import JointLimits, Seven
+
+POSITION: Final = ControlSetup()
 
 
 class Phase(StrEnum):
@@ -35,10 +40,17 @@ PHASES: Final[Mapping[Phase, frozenset[Phase]]] = {
 
 
 class MotionExecutive:
-    """Owns the set point. Starts as a position hold at ``position_rad``."""
+    """Owns the set point. Starts as a position hold at ``position_rad``.
 
-    def __init__(self, position_rad: Seven, *, limits: JointLimits, cycle_s: float) -> None:
+    An arm that yields need not be where its set point is. When it is to be stiff again, the set point begins anew
+    where the arm is: a stiff arm would jump there.
+    """
+
+    def __init__(
+        self, position_rad: Seven, *, limits: JointLimits, cycle_s: float, hold_control: ControlSetup = POSITION
+    ) -> None:
         self._limits = limits
+        self._hold_control = hold_control
         self._cycle_s = cycle_s
         position_rad = within_range(position_rad, limits)
         self._motion: PositionHold | JointOverlay | Brake = PositionHold(position_rad)
@@ -50,6 +62,15 @@ class MotionExecutive:
         self.override = 1.0
         """Share of their velocity at which motions of applications run, 0..1."""
         self._paused_since_ns: int | None = None
+        self.control = hold_control
+        """How what has the arm is controlled; an arm that is held is held stiffly."""
+        self.control_of: object = None
+        """Whose control that is."""
+        self.overlay_torque_nm: Seven = STILL
+        """What a torque overlay adds to joint impedance, Nm; zero without one."""
+        self.overlay_wrench: Six = NO_WRENCH
+        """What a wrench overlay adds to Cartesian impedance, N and Nm; zero without one."""
+        self._measured = SetPoint(position_rad, STILL)
 
     @property
     def tracking_performance(self) -> float:
@@ -103,6 +124,12 @@ class MotionExecutive:
             self._hold()
         self.set_point = self._motion.interpolate()
 
+    def change_control(self, motion: ApplicationMotion, control: ControlSetup) -> None:
+        """A motion is controlled with other parameters from now on, now or when its turn comes."""
+        motion.control = control
+        if self.control_of is motion:
+            self.control = control
+
     def follow(self, position_rad: Seven) -> None:
         """The arm is where it is, and no drive holds it: hold it there once one does. Needs a phase of holding.
 
@@ -112,9 +139,10 @@ class MotionExecutive:
         self._motion = PositionHold(position_rad)
         self.set_point = self._motion.interpolate()
 
-    def start_overlay(self, *, cycles_per_target: int) -> None:
+    def start_overlay(self, *, cycles_per_target: int, control: ControlSetup | None = None) -> None:
         """Lay a joint overlay over the hold; raise :class:`IllegalTransition` unless the arm is holding."""
         self._enter(Phase.OVERLAY)
+        self.control, self.control_of = control or self._hold_control, None
         self._motion = JointOverlay(
             self.set_point, limits=self._limits, cycle_s=self._cycle_s, cycles_per_target=cycles_per_target
         )
@@ -167,12 +195,15 @@ class MotionExecutive:
         )
         return True
 
-    def propose(self, *, measured_rad: Seven, now_ns: int, started_ns: int) -> SetPoint | Fault:
+    def propose(
+        self, *, measured_rad: Seven, now_ns: int, started_ns: int, measured_rad_s: Seven = STILL
+    ) -> SetPoint | Fault:
         """Return the set point the running motion wants next, which counts only once it is committed.
 
         A fault is one of the application's motion; the caller ends it with :meth:`brake` and asks again.
         """
         applications = self.applications
+        self._measured = SetPoint(measured_rad, measured_rad_s)
         if self.phase is Phase.APPLICATION and not applications:
             # The last motion left while none had the arm: between the end of one and the beginning of the next.
             self._rest()
@@ -215,13 +246,31 @@ class MotionExecutive:
         """Begin the motion whose turn it is, blended into or not; return why it cannot begin."""
         if self.applications.active is not None:
             self.applications.finish(now_ns=now_ns, blended=True)
+        motion = self.applications.first.motion
+        if self.control.yields and not motion.control.yields:
+            self._begin_anew()
+        self.control, self.control_of = motion.control, motion
         start = self._tempo.takes_over_at(self.set_point)
         return self.applications.begin_next(start, measured_rad=measured_rad, now_ns=now_ns)
 
     def _aim(self, tempo: float) -> None:
         self._tempo.aim(tempo, present=self.set_point, moving=self.phase is Phase.APPLICATION)
 
+    def _begin_anew(self) -> None:
+        """Put the set point where the arm is, moving as it moves."""
+        limits = self._limits
+        velocity = seven(
+            [
+                min(max(value, -most), most)
+                for value, most in zip(self._measured.velocity_rad_s, limits.velocity_rad_s, strict=True)
+            ]
+        )
+        self.set_point = SetPoint(within_range(self._measured.position_rad, limits), velocity)
+        self._tempo.begins_anew(self.set_point)
+
     def _rest(self) -> None:
+        if self.control.yields:
+            self._begin_anew()
         if self.set_point.velocity_rad_s == STILL:
             self._hold()
         else:
@@ -229,10 +278,16 @@ class MotionExecutive:
 
     def _brake(self) -> None:
         self._enter(Phase.BRAKING)
+        self.overlay_torque_nm, self.overlay_wrench = STILL, NO_WRENCH
         self._motion = Brake(self.set_point, limits=self._limits, cycle_s=self._cycle_s)
 
     def _hold(self) -> None:
         self._enter(Phase.HOLDING)
+        if self.control.yields:
+            self._begin_anew()
+            self.set_point = SetPoint(self.set_point.position_rad, STILL)
+        self.control, self.control_of = self._hold_control, None
+        self.overlay_torque_nm, self.overlay_wrench = STILL, NO_WRENCH
         self.hold_position_rad = self.set_point.position_rad
         self._motion = PositionHold(self.hold_position_rad)
 

@@ -15,6 +15,7 @@ from hil.core.motion.motion_limits import POINT_TO_POINT_CHECKS, admissible, bad
 from hil.core.motion.planner import Plan, TrajectoryPlanner
 from hil.core.motion.set_point import STILL, SetPoint
 from hil.values.motion import ErrorReason, Fault, FineInterpolatorState, MotionKind, MotionParameters
+from hil.values.pose import Pose
 from hil.values.robot import JOINT_COUNT, Seven
 from hil.values.servo import Vector
 
@@ -25,12 +26,13 @@ class PointToPoint(ApplicationMotion):
     """Goes to its point and is over."""
 
     kind = MotionKind.PTP
+    out_of_range = ErrorReason.POSITIONAL_LIMITS
 
-    def __init__(self, parameters: MotionParameters, *, basis: MotionBasis, destination: Vector | None) -> None:
+    def __init__(self, parameters: MotionParameters, *, basis: MotionBasis, destination: Vector | Pose | None) -> None:
         super().__init__(parameters, basis=basis, destination=destination)
         if destination is not None:
             self.accounting = Accounting(received=1)
-            if len(destination) == JOINT_COUNT:
+            if not isinstance(destination, Pose) and len(destination) == JOINT_COUNT:
                 self.destination = tuple(destination)  # type: ignore[assignment]
         self._cycle_s = basis.cycle_ns * 1e-9
         self._course: PlannedCourse
@@ -46,18 +48,14 @@ class PointToPoint(ApplicationMotion):
 
     def begin(self, start: SetPoint, *, measured_rad: Seven, now_ns: int) -> Fault | None:  # noqa: ARG002  # set points
         """Plan the way from ``start``; a PTP without a point is a null pointer."""
-        fault = bad_parameter(self.parameters, POINT_TO_POINT_CHECKS) or not_well_formed(
-            self._initial_destination, None
-        )
-        if fault is not None or self._initial_destination is None:
+        fault = bad_parameter(self.parameters, POINT_TO_POINT_CHECKS)
+        first = self.first_destination(start)
+        if isinstance(first, Fault):
+            return fault or first
+        fault = fault or not_well_formed(first, None)
+        if fault is not None or first is None:
             return fault
-        point = destination(
-            self._initial_destination,
-            None,
-            arrived_ns=now_ns,
-            limits=self.basis.limits,
-            out_of_range=ErrorReason.POSITIONAL_LIMITS,
-        )
+        point = destination(first, None, arrived_ns=now_ns, limits=self.basis.limits, out_of_range=self.out_of_range)
         if isinstance(point, Fault):
             return point
         begins = self._brakes_first(start)

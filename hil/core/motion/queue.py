@@ -62,6 +62,11 @@ class MotionQueue:
         return iter(self._entries)
 
     @property
+    def first(self) -> Entry:
+        """The motion whose turn it is; there must be one."""
+        return self._entries[0]
+
+    @property
     def full(self) -> bool:
         """Whether one more motion must be refused."""
         return len(self._entries) >= MAX_MOTIONS

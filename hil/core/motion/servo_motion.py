@@ -14,6 +14,7 @@ from hil.core.motion.fine_interpolator import Trigger, next_state
 from hil.core.motion.motion_limits import Checks, bad_execution_time, bad_parameter
 from hil.core.motion.set_point import SetPoint
 from hil.values.motion import ErrorReason, Fault, FineInterpolatorState, MotionParameters
+from hil.values.pose import Pose
 from hil.values.robot import JOINT_COUNT, Seven
 from hil.values.servo import Vector
 
@@ -26,16 +27,15 @@ class ServoMotion(ApplicationMotion):
     """
 
     checks: Checks
-    out_of_range: ErrorReason
     takes_velocity = True
 
     def __init__(
-        self, parameters: MotionParameters, *, basis: MotionBasis, destination: Vector | None, dead_time_ns: int
+        self, parameters: MotionParameters, *, basis: MotionBasis, destination: Vector | Pose | None, dead_time_ns: int
     ) -> None:
         super().__init__(parameters, basis=basis, destination=destination)
         if destination is not None:
             self.accounting = Accounting(received=1)
-            if len(destination) == JOINT_COUNT:
+            if not isinstance(destination, Pose) and len(destination) == JOINT_COUNT:
                 self.destination = tuple(destination)  # type: ignore[assignment]
         self._line = DestinationLine(dead_time_ns)
         self._first_goal: Destination | None = None
@@ -55,11 +55,14 @@ class ServoMotion(ApplicationMotion):
         if fault is not None:
             return fault
         goal = self._first_goal
-        if goal is None and self._initial_destination is not None:
-            fault = not_well_formed(self._initial_destination, None)
+        first = self.first_destination(start) if goal is None else None
+        if isinstance(first, Fault):
+            return first
+        if first is not None:
+            fault = not_well_formed(first, None)
             if fault is not None:
                 return fault
-            made = self._destination(self._initial_destination, None, now_ns)
+            made = self._destination(first, None, now_ns)
             if isinstance(made, Fault):
                 return made
             goal = made

@@ -23,6 +23,7 @@ from hil.core.motion.servo_motion import ServoMotion
 from hil.core.motion.set_point import STILL, SetPoint
 from hil.core.motion.target_velocity import TargetVelocities
 from hil.values.motion import ErrorReason, Fault, FineInterpolatorState, MotionKind, MotionParameters
+from hil.values.pose import Pose
 from hil.values.robot import JointLimits, Seven
 from hil.values.servo import Vector
 
@@ -50,7 +51,7 @@ class SmartServo(ServoMotion):
     checks = SMART_SERVO_CHECKS
     out_of_range = ErrorReason.POSITIONAL_LIMITS
 
-    def __init__(self, parameters: MotionParameters, *, basis: MotionBasis, destination: Vector | None) -> None:
+    def __init__(self, parameters: MotionParameters, *, basis: MotionBasis, destination: Vector | Pose | None) -> None:
         super().__init__(parameters, basis=basis, destination=destination, dead_time_ns=basis.smart_servo_dead_time_ns)
         self._cycle_s = basis.cycle_ns * 1e-9
         self._limits: JointLimits

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Final
 
 from hil.core.motion.set_point import STILL, SetPoint
+from hil.values.arm import seven
 from hil.values.motion import Fault
 from hil.values.robot import JointLimits
 
@@ -19,6 +20,8 @@ _LEAST_SHARE: Final = 0.1
 _REALIGNING: Final = 0.005
 """Share of its cycles a motion loses after a change of tempo, for a fifth of a second at most."""
 _SMALLEST_STEP: Final = 1e-6
+_SMALLEST_SCALE: Final = 0.1
+"""Below it, what moves is taken for slower than it is, because in the motions' time it would exceed every axis."""
 
 
 class Tempo:
@@ -57,6 +60,15 @@ class Tempo:
         self.scale, self._rate = self.target, 0.0
         self.full = self.target == 1.0
         self._before = self._latest = present
+        self._done = 1.0
+
+    def begins_anew(self, present: SetPoint) -> None:
+        """The arm's set point was put at ``present``, whatever the motions before had made of it."""
+        if self.full:
+            return
+        scale = max(self.scale, _SMALLEST_SCALE)
+        velocity = seven([speed / scale for speed in present.velocity_rad_s])
+        self._before = self._latest = SetPoint(present.position_rad, velocity)
         self._done = 1.0
 
     def takes_over_at(self, present: SetPoint) -> SetPoint:

@@ -68,7 +68,7 @@ class Door:
                 f"the arm is commanded by {commander}, heard {commander.silent_ns(now_ns=now_ns) / 1e6:.0f} ms ago; "
                 f"it loses the arm after {commander.watchdog_ns / 1e6:g} ms of silence"
             )
-        if role is Role.OBSERVER and self._sessions.observers >= MAX_OBSERVERS:
+        if role is not Role.COMMANDER and self._sessions.observers >= MAX_OBSERVERS:
             return f"{MAX_OBSERVERS} observers watch already, no more are served"
         return ""
 

@@ -7,17 +7,24 @@ Bytes and times in (:meth:`ServoLink.receive`), decisions once a cycle (:meth:`S
 from collections import deque
 from collections.abc import Callable
 
+from hil.core.control.load_validation import LoadValidation
+from hil.core.control.stage import ControlStage
 from hil.core.counters import PacketCounters
 from hil.core.events import ApplicationJoined, ApplicationLeft, Event, MotionBegan, MotionOver
+from hil.core.kinematics.srs import SrsKinematics
 from hil.core.motion.application_motion import ApplicationMotion, MotionBasis
 from hil.core.motion.executive import MotionExecutive
 from hil.core.motion.queue import EndedMotion, Entry
+from hil.core.pushes import Pusher
+from hil.core.servo.answer import Answer
+from hil.core.servo.control_choice import ControlChoice
 from hil.core.servo.door import Door
+from hil.core.servo.questions import Question, Questions
 from hil.core.servo.requests import Circumstances, RequestHandler
 from hil.core.servo.sessions import MAX_WAITING_REQUESTS, Session, SessionTable, TokenSource
 from hil.core.servo.snapshot import snapshot
 from hil.core.settings import ControllerSettings, ServoSettings
-from hil.values.arm import ArmState
+from hil.values.arm import ArmState, Push
 from hil.values.errors import MalformedDatagram
 from hil.values.link import Address, Outgoing
 from hil.values.motion import Fault
@@ -33,6 +40,7 @@ from hil.values.servo import (
     Goodbye,
     Hello,
     MotionEnded,
+    PushArm,
     Request,
     RequestDone,
     RequestError,
@@ -57,7 +65,11 @@ class ServoLink:
         servo: ServoSettings,
         codec: ServoControllerCodec,
         executive: MotionExecutive,
+        control: ControlStage,
         basis: MotionBasis,
+        kinematics: SrsKinematics,
+        takes_torque: bool,
+        pusher: Pusher,
         emit: Callable[[Event], None],
         failed: Callable[[Fault, int], None],
     ) -> None:
@@ -73,7 +85,17 @@ class ServoLink:
             unix_epoch_ns=settings.unix_epoch_ns,
             barred=lambda: self._closed_because,
         )
-        self._requests = RequestHandler(executive=executive, basis=basis, failed=failed)
+        self._kinematics = kinematics
+        self._control = control
+        self._choice = ControlChoice(
+            frames=settings.frames,
+            kinematics=kinematics,
+            validation=LoadValidation(dynamics=control.dynamics, kinematics=kinematics, limits=basis.limits),
+            takes_torque=takes_torque,
+        )
+        self._questions = Questions(frames=settings.frames, kinematics=kinematics, control=self._choice)
+        self._requests = RequestHandler(executive=executive, basis=basis, control=self._choice, failed=failed)
+        self._pusher = pusher
         self._answers: deque[tuple[Address, FromController]] = deque()
         self._closed_because = ""
         self._leaving: list[Session] = []
@@ -116,12 +138,12 @@ class ServoLink:
         else:
             self._command(session, packet, now_ns)
 
-    def progress(self, *, measured_rad: Seven, now_ns: int, started_ns: int, barred: str) -> None:
+    def progress(self, *, arm: ArmState, now_ns: int, started_ns: int, barred: str) -> None:
         """Once a cycle: end silent sessions, do what the commander asks. ``barred`` says why no motion may start."""
-        self._measured_rad = measured_rad
+        self._measured_rad = arm.position_rad
         for session in self._sessions.overdue(now_ns=started_ns):
             self._end(session, session.overdue_because(now_ns=started_ns), now_ns)
-        circumstances = Circumstances(measured_rad, now_ns, self._closed_because or barred)
+        circumstances = Circumstances(arm, now_ns, self._closed_because or barred)
         for session in self._sessions:
             if session.inbox:
                 for arrived_ns, request in self._requests.ready(session.inbox):
@@ -140,8 +162,10 @@ class ServoLink:
             if shown is None:
                 shown = snapshot(
                     arm=arm,
+                    control=self._control,
                     executive=self._executive,
                     operator=operator,
+                    flange_in_base=self._kinematics.forward(arm.position_rad),
                     commander=self.commander,
                     cycle=cycle,
                     now_ns=now_ns,
@@ -244,7 +268,11 @@ class ServoLink:
             session.inbox.append((now_ns, request))
 
     def _do(self, session: Session, request: Request, arrived_ns: int, circumstances: Circumstances) -> None:
-        if session.role is Role.COMMANDER:
+        if isinstance(request, Question):
+            error, why = self._questions.answer(request, session.reports, circumstances.arm)
+        elif isinstance(request, PushArm):
+            error, why = self._push(request, session.role)
+        elif session.role is Role.COMMANDER:
             error, why = self._requests.handle(request, arrived_ns=arrived_ns, circumstances=circumstances)
         else:
             error, why = RequestError.ILLEGAL_STATE, _OBSERVERS_REQUEST
@@ -257,11 +285,21 @@ class ServoLink:
             lambda number: RequestDone(number, request.number, arrived_ns, error, why.reason, why.detail)
         )
 
+    def _push(self, request: PushArm, role: Role) -> Answer:
+        if role is not Role.OPERATOR:
+            return Answer(RequestError.ILLEGAL_STATE, Fault("only an operator pushes the arm"))
+        force, moment = request.force_n, request.moment_nm
+        if len(force) != 3 or len(moment) != 3:
+            return Answer(RequestError.ILLEGAL_ARGUMENT, Fault("a push is three forces in N and three moments in Nm"))
+        refusal = self._pusher.push(Push(request.link, force, moment, request.duration_s))
+        return Answer(RequestError.ILLEGAL_ARGUMENT, Fault(refusal)) if refusal else Answer()
+
     def _leave(self, session: Session, reason: str, now_ns: int) -> None:
         self._sessions.end(session)
         self._emit(ApplicationLeft(now_ns, str(session), session.role, reason))
         if session.role is Role.COMMANDER:
             self._goals_told.clear()
+            self._choice.forget()
             fault = Fault("the application left", reason)
             if self._executive.applications and self._executive.fail_application_motion(fault, now_ns=now_ns):
                 self._failed(fault, now_ns)

@@ -14,9 +14,20 @@ from hil.core.motion.executive import MotionExecutive
 from hil.core.motion.point_to_point import PointToPoint
 from hil.core.motion.queue import Entry
 from hil.core.motion.smart_servo import SmartServo
+from hil.core.servo.answer import Answer
+from hil.core.servo.control_choice import ControlChoice
+from hil.values.arm import ArmState
 from hil.values.motion import MAX_MOTIONS, Fault, MotionKind
-from hil.values.robot import Seven
-from hil.values.servo import Request, RequestError, SetDestination, SetRuntimeParameters, StartMotion, StopMotion
+from hil.values.servo import (
+    ChangeControlMode,
+    Request,
+    RequestError,
+    SetDestination,
+    SetRuntimeParameters,
+    StartMotion,
+    StopMotion,
+    Vector,
+)
 
 _MOTIONS: Final[Mapping[MotionKind, type[ApplicationMotion]]] = {
     MotionKind.PTP: PointToPoint,
@@ -25,20 +36,13 @@ _MOTIONS: Final[Mapping[MotionKind, type[ApplicationMotion]]] = {
 }
 
 
-class Answer(NamedTuple):
-    """What became of a request."""
-
-    error: RequestError = RequestError.NONE
-    why: Fault = Fault("")
-
-
 _DONE = Answer()
 
 
 class Circumstances(NamedTuple):
     """What a request is judged by, beside the motions."""
 
-    measured_rad: Seven
+    arm: ArmState
     now_ns: int
     barred: str
     """Why no motion may start now; empty when one may."""
@@ -47,14 +51,23 @@ class Circumstances(NamedTuple):
 class RequestHandler:
     """Does what a commander asks; ``failed`` is told when a motion ends with an error, to say that the arm brakes."""
 
-    def __init__(self, *, executive: MotionExecutive, basis: MotionBasis, failed: Callable[[Fault, int], None]) -> None:
+    def __init__(
+        self,
+        *,
+        executive: MotionExecutive,
+        basis: MotionBasis,
+        control: ControlChoice,
+        failed: Callable[[Fault, int], None],
+    ) -> None:
         self._executive = executive
+        self._control = control
         self._basis = basis
         self._failed = failed
         self._handlers: Mapping[type[Request], Callable[[Any, int, Circumstances], Answer]] = {
             StartMotion: self._start,
             SetDestination: self._set_destination,
             SetRuntimeParameters: self._set_parameters,
+            ChangeControlMode: self._change_mode,
             StopMotion: self._stop,
         }
 
@@ -86,7 +99,12 @@ class RequestHandler:
             return Answer(
                 RequestError.ILLEGAL_STATE, Fault(f"{MAX_MOTIONS} motions run or wait already, no more are taken")
             )
-        motion = _MOTIONS[request.kind](request.parameters, basis=self._basis, destination=request.destination)
+        control = self._control.choose(request.mode, request.frame, circumstances.arm)
+        if isinstance(control, Answer):
+            return control
+        destination = request.destination if request.flange_in_base is None else request.flange_in_base
+        motion = _MOTIONS[request.kind](request.parameters, basis=self._basis, destination=destination)
+        motion.control = control
         self._executive.applications.add(request.number, motion)
         return _DONE
 
@@ -96,9 +114,16 @@ class RequestHandler:
             return self._gone(request.motion)
         if entry.motion.kind is MotionKind.PTP:
             return Answer(RequestError.ILLEGAL_STATE, Fault("a PTP takes no new destination while it runs"))
-        fault = entry.motion.set_destination(
-            request.position, request.velocity, measured_rad=circumstances.measured_rad, arrived_ns=arrived_ns
-        )
+        position: Vector | Fault | None = request.position
+        if request.flange_in_base is not None:
+            position = entry.motion.axes_of(request.flange_in_base, near_rad=self._executive.set_point.position_rad)
+        fault: Fault | None
+        if isinstance(position, Fault):
+            fault = position
+        else:
+            fault = entry.motion.set_destination(
+                position, request.velocity, measured_rad=circumstances.arm.position_rad, arrived_ns=arrived_ns
+            )
         if fault is None:
             return _DONE
         self._fail(entry, fault, circumstances.now_ns)
@@ -114,6 +139,16 @@ class RequestHandler:
             wait_for_pause=request.wait_for_pause,
         )
         return _DONE if fault is None else Answer(RequestError.ILLEGAL_ARGUMENT, fault)
+
+    def _change_mode(self, request: ChangeControlMode, _arrived_ns: int, _: Circumstances) -> Answer:
+        entry = self._executive.applications.find(request.motion)
+        if entry is None:
+            return self._gone(request.motion)
+        control = self._control.change(entry.motion.control, request.mode)
+        if isinstance(control, Answer):
+            return control
+        self._executive.change_control(entry.motion, control)
+        return _DONE
 
     def _stop(self, request: StopMotion, _arrived_ns: int, circumstances: Circumstances) -> Answer:
         entry = self._executive.applications.find(request.motion)

@@ -169,7 +169,7 @@ class SessionTable:
                 session.cycles_until_state -= 1
                 if not session.wants_state:
                     continue
-            if session.role is Role.OBSERVER:
+            if session.role is not Role.COMMANDER:
                 if len(served) >= OBSERVER_STATES_A_CYCLE:
                     continue
                 served.append(session)

@@ -1,23 +1,28 @@
 """What a state packet says of controller, arm and motions."""
 
+from hil.core.control.stage import ControlStage
 from hil.core.motion.executive import MotionExecutive
 from hil.core.motion.queue import Entry
 from hil.values.arm import ArmState
 from hil.values.motion import MotionPhase
 from hil.values.operator import OperatorView
+from hil.values.pose import Pose
 from hil.values.servo import MotionState, Snapshot
 
 
 def snapshot(
     *,
     arm: ArmState,
+    control: ControlStage,
     executive: MotionExecutive,
     operator: OperatorView,
+    flange_in_base: Pose,
     commander: str,
     cycle: int,
     now_ns: int,
 ) -> Snapshot:
     """Return the snapshot of a cycle whose nominal time is ``now_ns``."""
+    force = control.flange_force(arm, now_ns=now_ns)
     return Snapshot(
         now_ns,
         cycle,
@@ -26,6 +31,11 @@ def snapshot(
         executive.set_point.position_rad,
         arm.torque_nm,
         arm.external_torque_nm,
+        flange_in_base,
+        executive.control.kind,
+        control.external_variance_nm2,
+        force.wrench,
+        force.variance,
         commander,
         tuple(
             [
