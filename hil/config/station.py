@@ -7,7 +7,10 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from hil.config.control import ControlConfig
+from hil.config.frames import FrameConfig, LoadConfig, PoseConfig, ToolConfig, frame_tree
 from hil.config.limits import LimitsConfig
+from hil.config.signals import GroupConfig, signals
 from hil.core.settings import (
     CYCLE_CHOICES_MS,
     IDEAL_REACTION,
@@ -17,9 +20,12 @@ from hil.core.settings import (
     ServoSettings,
 )
 from hil.values.errors import ConfigurationError
-from hil.values.fri import CLIENT_PORT, OperationMode, Release
+from hil.values.frames import FrameTree
+from hil.values.fri import CLIENT_PORT, OperationMode, OverlayKind, Release
 from hil.values.link import Address
+from hil.values.load import NO_LOAD, Load
 from hil.values.servo import SERVO_PORT
+from hil.values.signals import Signal, check_message_fits
 
 
 class Mode(StrEnum):
@@ -28,13 +34,6 @@ class Mode(StrEnum):
     T1 = "T1"
     T2 = "T2"
     AUT = "AUT"
-
-
-class Overlay(StrEnum):
-    """What the robot application lays over its position hold."""
-
-    NONE = "none"
-    JOINT_POSITION = "joint-position"
 
 
 class Overrun(StrEnum):
@@ -63,21 +62,30 @@ class FriConfig(_Model):
     release: Annotated[Release, Field(description="release of the client's FRI library")] = Release.V1_15
     send_period_ms: Annotated[int, Field(strict=True, description="1..100, a multiple of the control cycle")] = 1
     receive_multiplier: Annotated[int, Field(strict=True, description="the client answers every n-th message")] = 1
-    overlay: Annotated[Overlay, Field(description="overlay of the robot application")] = Overlay.JOINT_POSITION
+    overlay: Annotated[OverlayKind, Field(description="overlay of the robot application")] = OverlayKind.JOINT_POSITION
+    control: Annotated[ControlConfig, Field(description="control of the arm under the overlay")] = ControlConfig()
     watchdog_ms: Annotated[
         int | None,
         Field(description="silence that ends a commanded motion; default: 50, or 3 answer periods if longer"),
     ] = None
 
+    transformations: Annotated[
+        tuple[str, ...], Field(description="names of the transformations the client is asked for, 5 at most")
+    ] = ()
+
     def settings(self, peer: Address) -> FriSettings:
         """Return the core's settings; raise :class:`ConfigurationError` for a pairing that cannot work."""
-        return FriSettings(
+        settings = FriSettings(
             peer=peer,
             send_period_ms=self.send_period_ms,
             receive_multiplier=self.receive_multiplier,
-            joint_position_overlay=self.overlay is Overlay.JOINT_POSITION,
+            overlay=self.overlay,
+            control=self.control.settings(self.overlay),
             watchdog_ms=self.watchdog_ms,
+            transformations=self.transformations,
         )
+        settings.check_release(self.release)
+        return settings
 
     @model_validator(mode="after")
     def _pairings(self) -> Self:
@@ -145,6 +153,18 @@ class RobotConfig(_Model):
     reaction: Annotated[ReactionConfig, Field(description="system reaction time of servo motions")] = ReactionConfig()
     permissive: Annotated[bool, Field(strict=True, description="monitors only report; never with real drives")] = False
     limits: Annotated[LimitsConfig, Field(description="limits tighter than the robot's own")] = LimitsConfig()
+    base: Annotated[PoseConfig, Field(description="robot base in the world")] = PoseConfig()
+    tool: Annotated[tuple[ToolConfig, ...], Field(max_length=16, description="tools at the flange")] = ()
+    load: Annotated[
+        LoadConfig | None, Field(description="what truly hangs on a simulated flange; default: the mounted tool")
+    ] = None
+    torque_noise: Annotated[
+        bool, Field(strict=True, description="whether simulated torque sensors have noise and steps")
+    ] = True
+    frame: Annotated[tuple[FrameConfig, ...], Field(max_length=64, description="reference frames")] = ()
+    io: Annotated[
+        tuple[GroupConfig, ...], Field(max_length=32, description="groups of inputs and outputs; FRI shows 10 at most")
+    ] = ()
     fri: Annotated[FriConfig | None, Field(description="FRI link; leave the section out for none")] = None
     servo: Annotated[ServoConfig | None, Field(description="servo link; leave the section out for none")] = None
 
@@ -161,11 +181,36 @@ class RobotConfig(_Model):
             reaction=self.reaction.settings(),
             safety=self.limits.settings(permissive=self.permissive),
             enabled=self.enabled,
+            frames=self.frames(),
+            load=self.told_load(),
+            signals=self.signals(),
         )
+
+    def told_load(self) -> Load:
+        """Return the load of the tool that is mounted, in the flange; raise :class:`ConfigurationError` for two."""
+        mounted = [tool for tool in self.tool if tool.mounted]
+        if len(mounted) > 1:
+            names = " and ".join(repr(tool.name) for tool in mounted)
+            raise ConfigurationError(f"the tools {names} are both mounted; one flange carries one tool")
+        return self.frames().load_of(mounted[0].name) if mounted else NO_LOAD
+
+    def true_load(self) -> Load:
+        """Return what hangs on the flange of a simulated arm."""
+        return self.told_load() if self.load is None else self.load.load()
+
+    def signals(self) -> tuple[Signal, ...]:
+        """Return the robot's inputs and outputs; raise :class:`ConfigurationError` where they cannot be."""
+        return signals(self.io)
+
+    def frames(self) -> FrameTree:
+        """Return the robot's frames; raise :class:`ConfigurationError` where they are no tree."""
+        return frame_tree(base=self.base, tools=self.tool, frames=self.frame)
 
     @model_validator(mode="after")
     def _pairings(self) -> Self:
-        self.settings(unix_epoch_ns=0, fri_peer=Address("127.0.0.1", CLIENT_PORT), servo=None)
+        settings = self.settings(unix_epoch_ns=0, fri_peer=Address("127.0.0.1", CLIENT_PORT), servo=None)
+        if self.fri is not None:
+            check_message_fits(self.fri.release, settings.signals, self.fri.transformations)
         return self
 
 

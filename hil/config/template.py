@@ -17,6 +17,8 @@ enabled = false               # begin T1 and T2 with the enabling switch held an
 cycle_ms = 1                  # 1, 2, 4, 5
 overrun = "catch-up"          # catch-up, skip, fault: what happens to cycles that could not begin in time
 seed = 0                      # of the simulated sensor noise
+# inputs and outputs, Group.Name: boolean, digital or analog; hil pad io sets inputs, the FRI client sets outputs
+# io = [{ name = "FRI", signal = [{ name = "Out_Lamp", type = "boolean", direction = "output" }] }]
 permissive = false            # monitors only report what would have stopped the arm; never with real drives
 
 [robot.limits]                # tighter than the robot's own; seven numbers each, A1 first
@@ -38,8 +40,14 @@ client = "127.0.0.1:30200"    # where your FRI client listens
 release = "1.15"              # release of the client's library: 1.11, 1.14, 1.15, 1.16, 2.5, 2.7
 send_period_ms = 1            # 1..100, a multiple of cycle_ms
 receive_multiplier = 1        # send_period_ms x receive_multiplier: at most 100 ms
-overlay = "joint-position"    # none, joint-position
+overlay = "joint-position"    # none, joint-position, torque, wrench, cartesian-pose (release 2.x)
 # watchdog_ms = 50            # silence that ends a commanded motion
+# transformations = ["PBase"] # what the client is asked for, 5 at most
+
+[robot.fri.control]           # of the arm while the client commands; default: what the overlay needs, else position
+# mode = "joint-impedance"    # position, joint-impedance (for torque), cartesian-impedance (for wrench)
+# stiffness = [1000, 1000, 1000, 1000, 1000, 1000, 1000]  # Nm/rad; Cartesian: X Y Z in N/m, A B C in Nm/rad
+# damping = [0.7, 0.7, 0.7, 0.7, 0.7, 0.7, 0.7]           # damping ratios, as many as the stiffness has
 
 [robot.servo]                 # leave this section out for a robot without servo motions
 bind = "127.0.0.1:30300"      # where applications (hil.client.servo) connect to

@@ -5,8 +5,12 @@ from typing import NamedTuple
 
 import pytest
 
+from apps.fri_io import Clock
 from apps.fri_joint_sine import JointSine
-from hil.client.fri import ClientSession, FriHandler, Release, SessionState
+from apps.fri_torque_sine import TorqueSine
+from apps.fri_transformation_provider import Provider
+from apps.fri_wrench_sine import WrenchSine
+from hil.client.fri import ClientSession, Command, FriHandler, FriState, Release, SessionState
 from tests.support.captures import FOLDER, datagrams, release_of
 from transport.fri import FriCodec
 
@@ -85,3 +89,49 @@ def test_answered_every_third_message_the_sine_advances_with_every_message() -> 
     assert len(seen) == 400
     codec = FriCodec(Release.V2_7)
     assert [codec.decode_command(answer.ours or b"").sequence_counter for answer in seen] == list(range(400))
+
+
+@pytest.mark.parametrize("name", ["fri-2.5-io-10ms", "fri-2.7-io-10ms"])
+def test_the_io_client_answers_every_message_as_the_vendor_does(name: str) -> None:
+    handler = Clock()
+    for answer in answers(name, handler):
+        assert answer.ours == answer.vendor
+    assert handler.ticks == 24
+
+
+class Silent(FriHandler):
+    """Answers with a header alone in every state."""
+
+    def monitor(self, state: FriState) -> Command:
+        return Command(mirror=False)
+
+    wait_for_command = command = monitor
+
+
+def test_the_1_15_io_client_set_nothing_in_what_was_recorded() -> None:
+    assert sum(answer.ours == answer.vendor for answer in answers("fri-1.15-io-10ms", Silent())) == 241
+
+
+@pytest.mark.parametrize("name", ["fri-1.15-trafo-10ms", "fri-2.5-trafo-10ms", "fri-2.7-trafo-10ms"])
+def test_the_transformation_provider_answers_every_message_as_the_vendor_does(name: str) -> None:
+    handler = Provider()
+    for answer in answers(name, handler):
+        assert answer.ours == answer.vendor
+    assert handler.requested == ("PBase",)
+    assert handler.states.total() == 240
+
+
+@pytest.mark.parametrize("name", [name for name in OTHER_MODES if "torque" in name])
+def test_torque_sine_answers_every_message_as_the_vendor_does(name: str) -> None:
+    handler = TorqueSine()
+    for answer in answers(name, handler):
+        assert answer.ours == answer.vendor
+    assert handler.states["COMMANDING_ACTIVE"] > 200
+
+
+@pytest.mark.parametrize("name", [name for name in OTHER_MODES if "wrench" in name])
+def test_wrench_sine_answers_every_message_as_the_vendor_does(name: str) -> None:
+    handler = WrenchSine()
+    for answer in answers(name, handler):
+        assert answer.ours == answer.vendor
+    assert handler.states["COMMANDING_ACTIVE"] > 200

@@ -1,5 +1,6 @@
 """The client session: what it answers, counts and refuses, without a socket."""
 
+import math
 from itertools import pairwise
 from typing import Any
 
@@ -19,8 +20,10 @@ from hil.client.fri import (
     SessionState,
     Transformation,
     UsageError,
+    WrongSignal,
+    make_transformation,
 )
-from hil.values.errors import UnknownName
+from hil.values.errors import ConfigurationError, UnknownName
 from hil.values.fri import ClientCommandMode
 from hil.values.fri_messages import CommandData, IOValue, MonitoringMessage, Redundancy
 from tests.unit.test_client_support import COMMANDED, INTERPOLATED, POSE, datagram, message, read
@@ -122,8 +125,52 @@ def test_outputs_are_sent_by_name_with_the_type_the_controller_listed(release: R
         IOValue("FRI.Count", 1, 1, digital=9),
         IOValue("FRI.Lamp", 0, 1, digital=1),
     )
-    with pytest.raises(UnknownName, match=r"unknown output 'FRI.Key'; valid: FRI.Speed, FRI.Count, FRI.Lamp"):
-        answer_data(release, SessionState.MONITORING_READY, Command(outputs={"FRI.Key": True}))
+    with pytest.raises(UnknownName, match=r"unknown output 'FRI.Door'; valid: FRI.Speed, FRI.Count, FRI.Lamp"):
+        answer_data(release, SessionState.MONITORING_READY, Command(outputs={"FRI.Door": True}))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "sentence"),
+    [
+        (
+            "FRI.Key",
+            True,
+            "FRI.Key: it is an input, which a client cannot set; outputs: FRI.Speed, FRI.Count, FRI.Lamp",
+        ),
+        ("FRI.Speed", True, "FRI.Speed: it is analog and cannot be True; valid: a finite number"),
+        ("FRI.Speed", math.nan, "FRI.Speed: it is analog and cannot be nan; valid: a finite number"),
+        ("FRI.Count", 1.5, "FRI.Count: it is digital and cannot be 1.5; valid: a whole number 0 ... 2^64 - 1"),
+        ("FRI.Count", -1, "FRI.Count: it is digital and cannot be -1; valid: a whole number"),
+        ("FRI.Count", 1 << 64, "FRI.Count: it is digital and cannot be 18446744073709551616; valid: a whole number"),
+        ("FRI.Lamp", 2, "FRI.Lamp: it is boolean and cannot be 2; valid: true or false"),
+    ],
+)
+def test_an_output_that_cannot_be_set_so_is_refused_in_words(name: str, value: float, sentence: str) -> None:
+    with pytest.raises(WrongSignal) as caught:
+        answer_data(Release.V1_15, SessionState.MONITORING_READY, Command(outputs={name: value}))
+    assert sentence in str(caught.value)
+
+
+@pytest.mark.parametrize("state", [SessionState.MONITORING_READY, WAIT, ACTIVE])
+def test_a_command_without_a_mirror_holds_what_it_gives_and_nothing_else(state: SessionState) -> None:
+    assert answer_data(Release.V1_15, state, Command(mirror=False)) is None
+    told = answer_data(Release.V1_15, state, Command(outputs={"FRI.Count": 1}, mirror=False))
+    assert told == CommandData(inputs_outputs=(IOValue("FRI.Count", 1, 1, digital=1),))
+
+
+@pytest.mark.parametrize("release", Release)
+def test_a_transformation_is_made_as_the_release_has_it(release: Release) -> None:
+    heard = datagram(release, ACTIVE)
+    session = ClientSession(release, FriHandler())
+    session.receive(heard)
+    assert session.state is not None
+    made = make_transformation(session.state, "PBase", (1.0, 2.0, 3.0), (2.0, 0.0, 0.0, 2.0))
+    half = math.sqrt(0.5)
+    quarter = (0.0, -1.0, 0.0, 1.0, 1.0, 0.0, 0.0, 2.0, 0.0, 0.0, 1.0, 3.0)
+    assert made.values == pytest.approx(quarter if release in ONE else (1.0, 2.0, 3.0, half, 0.0, 0.0, half))
+    assert made.at == session.state.time_stamp
+    with pytest.raises(ConfigurationError, match="finite"):
+        make_transformation(session.state, "PBase", (math.nan, 0.0, 0.0))
 
 
 def test_outputs_do_not_exist_in_1_11() -> None:

@@ -20,6 +20,7 @@ from hil.client.fri import (
     SessionState,
     TimeStamp,
     UsageError,
+    WrongSignal,
 )
 from hil.values.errors import UnknownName
 from hil.values.fri_messages import MonitoringMessage
@@ -113,6 +114,11 @@ def test_inputs_and_outputs_exist_from_1_14_on(release: Release) -> None:
     assert [state.io_value(name) for name in names] == [0.5, 7, False, True]
     with pytest.raises(UnknownName, match=r"unknown input or output 'FRI.Door'; valid: FRI.Speed"):
         state.io_value("FRI.Door")
+    assert (state.analog_io("FRI.Speed"), state.digital_io("FRI.Count"), state.boolean_io("FRI.Key")) == (0.5, 7, True)
+    with pytest.raises(WrongSignal, match=r"FRI.Speed: it is analog, not boolean"):
+        state.boolean_io("FRI.Speed")
+    with pytest.raises(UnknownName, match=r"unknown input or output 'FRI.Door'; valid: FRI.Speed"):
+        state.digital_io("FRI.Door")
 
 
 def test_what_the_controller_left_out() -> None:

@@ -8,13 +8,25 @@ from pathlib import Path
 import pytest
 
 from backends.robots import load_description, robot_names
-from hil.cli.run import ServoOptions, station_of
+from hil.cli.run import ServoOptions, chosen_controls, station_of
+from hil.config.control import ControlName
 from hil.config.limits import LimitsConfig
 from hil.config.station import Station, load_station, parse_station
 from hil.config.template import TEMPLATE
 from hil.runtime.assembly import BACKENDS, open_parts, robot_description
+from hil.values.control import (
+    CartesianImpedanceControlMode,
+    ControlModeSettings,
+    JointImpedanceControlMode,
+    PositionControlMode,
+)
 from hil.values.errors import ConfigurationError
-from hil.values.fri import Release
+from hil.values.fri import IODirection, IOType, OverlayKind, Release
+from hil.values.link import Address
+from hil.values.signals import Signal
+
+IO = "[[robot]]\n[[robot.io]]\nname = 'G'\n[[robot.io.signal]]\nname = 'x'\n"
+ELEVEN = ", ".join(f"{{name = '{number}', type = 'digital', direction = 'input'}}" for number in range(11))
 
 
 def test_the_template_is_the_defaults_and_names_every_choice() -> None:
@@ -30,7 +42,8 @@ def test_the_template_is_the_defaults_and_names_every_choice() -> None:
         "skip",
         "catch-up",
         "fault",
-        "joint-position",
+        *OverlayKind,
+        *ControlName,
         "cabinet",
         "ideal",
         *LimitsConfig.model_fields,
@@ -57,7 +70,58 @@ def test_what_the_template_leaves_commented_is_valid_too() -> None:
         ("[[robot]]\nnmae = 'x'", "robot[1].nmae: there is no such key"),
         ("[[robot]]\nmode = 'T3'", "robot[1].mode: Input should be 'T1', 'T2' or 'AUT', got 'T3'"),
         ("[[robot]]\ncycle_ms = 3", "robot[1]: control cycle 3 ms is none of 1, 2, 4, 5 ms"),
+        ("[[robot]]\n[[robot.io]]\nname = 'A.B'", "robot[1]: the I/O group 'A.B' has a dot in its name"),
+        (
+            f"{IO}type = 'bit'",
+            "robot[1].io[1].signal[1].type: Input should be 'boolean', 'digital' or 'analog', got 'bit'",
+        ),
+        (f"{IO}type = 'digital'\ndirection = 'in'", "direction: Input should be 'input' or 'output', got 'in'"),
+        (f"{IO}type = 'digital'\ndirection = 'input'\ninitial = 0.5", "G.x is digital and cannot begin with 0.5"),
+        (
+            f"{IO}type = 'boolean'\ndirection = 'input'\ninitial = 3",
+            "G.x is boolean and cannot begin with 3; valid: true",
+        ),
+        (f"{IO}type = 'digital'\ndirection = 'input'\ninitial = '1'", "Input should be a valid integer, got '1'"),
+        (f"{IO}type = 'boolean'\ndirection = 'input'\nfri = 1", "fri: Input should be a valid boolean"),
+        (
+            f"[[robot]]\nio = [{{name = 'G', signal = [{ELEVEN}]}}]",
+            "robot[1]: FRI shows 11 inputs and outputs, 10 at most",
+        ),
+        ("[[robot]]\n[robot.fri]\ntransformations = ['a', 'a']", "two transformations have the name 'a'"),
         ("[[robot]]\n[robot.fri]\nrelease = '1.12'", "robot[1].fri.release: Input should be '1.11', '1.14'"),
+        (
+            "[[robot]]\n[robot.fri]\noverlay = 'torque'\n[robot.fri.control]\nmode = 'position'",
+            "robot[1].fri: a torque overlay needs joint impedance control, not position control",
+        ),
+        (
+            "[[robot]]\n[robot.fri]\noverlay = 'cartesian-pose'",
+            "robot[1].fri: a cartesian-pose overlay needs a client of release 2.x, not 1.15",
+        ),
+        (
+            "[[robot]]\n[robot.fri]\noverlay = 'pose'",
+            "robot[1].fri.overlay: Input should be 'none', 'joint-position', 'torque', 'wrench' or 'cartesian-pose'",
+        ),
+        (
+            "[[robot]]\n[robot.fri.control]\nstiffness = [1, 2, 3, 4, 5, 6, 7]",
+            "stiffness is no parameter of the control mode position; it has no parameters",
+        ),
+        (
+            "[[robot]]\n[robot.fri]\noverlay = 'torque'\n[robot.fri.control]\nnull_space_damping = 0.5",
+            "null_space_damping is no parameter of the control mode joint-impedance; its parameters are stiffness",
+        ),
+        (
+            "[[robot]]\n[robot.fri]\noverlay = 'torque'\n[robot.fri.control]\nstiffness = [1, 2, 3, 4, 5, 6]",
+            "joint stiffness: 6 values given, A1 A2 A3 A4 A5 A6 A7 are 7",
+        ),
+        (
+            "[[robot]]\n[robot.fri]\noverlay = 'wrench'\n[robot.fri.control]\nstiffness = [1, 2, 5001, 4, 5, 6]",
+            "translational stiffness Z 5001 is outside its range",
+        ),
+        (
+            "[[robot]]\n[robot.fri.control]\nmode = 'joint-impedance'\ndamping = [1, 1, 1, 1, 1, 1, 1.5]",
+            "damping A7 1.5 is outside its range",
+        ),
+        ("[[robot]]\n[robot.fri.control]\nmodus = 'position'", "robot[1].fri.control.modus: there is no such key"),
         ("[[robot]]\n[robot.fri]\nsend_period_ms = 0", "robot[1].fri: send period 0 ms is outside 1..100 ms"),
         (
             "[[robot]]\ncycle_ms = 2\n[robot.fri]\nsend_period_ms = 5",
@@ -185,6 +249,61 @@ def test_either_link_can_be_left_out() -> None:
         )
 
 
+def control_of(station: Station) -> ControlModeSettings:
+    """What the first robot is controlled with under its FRI overlay."""
+    fri = station.robot[0].fri
+    assert fri is not None
+    return fri.settings(Address("127.0.0.1", 30200)).control
+
+
+def laid(file: Path | None, **fri: object) -> Station:
+    return station_of(file, robot={}, fri=fri, servo=ServoOptions(), process={})
+
+
+def test_an_overlay_gets_the_control_mode_it_needs_and_that_is_said() -> None:
+    plain = laid(None)
+    assert (control_of(plain), chosen_controls(plain)) == (PositionControlMode(), [])
+    torque, wrench = laid(None, overlay="torque"), laid(None, overlay="wrench")
+    assert control_of(torque) == JointImpedanceControlMode()
+    assert control_of(wrench) == CartesianImpedanceControlMode()
+    assert chosen_controls(torque) + chosen_controls(wrench) == [
+        "arm: a torque overlay needs joint-impedance; taken, of default stiffness and damping",
+        "arm: a wrench overlay needs cartesian-impedance; taken, of default stiffness and damping",
+    ]
+    asked = laid(None, overlay="torque", control={"mode": "joint-impedance"})
+    assert (control_of(asked), chosen_controls(asked)) == (JointImpedanceControlMode(), [])
+    under = laid(None, control={"mode": "cartesian-impedance"})
+    assert control_of(under) == CartesianImpedanceControlMode()
+
+
+def test_the_parameters_of_a_file_stay_when_options_name_the_mode(tmp_path: Path) -> None:
+    file = tmp_path / "stiff.toml"
+    file.write_text(
+        "[[robot]]\n[robot.fri]\noverlay = 'wrench'\n[robot.fri.control]\n"
+        "stiffness = [100, 200, 300, 10, 20, 30]\ndamping = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]\n"
+        "null_space_stiffness_nm_rad = 5\nnull_space_damping = 0.4\n"
+        "additional_control_force = [1, 2, 3, 0.1, 0.2, 0.3]\nmax_control_force = [50, 50, 50, 5, 5, 5]\n"
+        "stop_on_max_control_force = true\nmax_cartesian_velocity = [10, 20, 30, 1, 2, 3]\n"
+        "max_path_deviation = [5, 6, 7, 0.1, 0.2, 0.3]\n"
+    )
+    expected = CartesianImpedanceControlMode(
+        stiffness=(100, 200, 300, 10, 20, 30),
+        damping=(0.1, 0.2, 0.3, 0.4, 0.5, 0.6),
+        null_space_stiffness_nm_rad=5,
+        null_space_damping=0.4,
+        additional_control_force=(1, 2, 3, 0.1, 0.2, 0.3),
+        max_control_force=(50, 50, 50, 5, 5, 5),
+        stop_on_max_control_force=True,
+        max_cartesian_velocity=(10, 20, 30, 1, 2, 3),
+        max_path_deviation=(5, 6, 7, 0.1, 0.2, 0.3),
+    )
+    assert control_of(laid(file)) == expected
+    assert chosen_controls(laid(file)) == ["arm: a wrench overlay needs cartesian-impedance; taken, as set"]
+    assert control_of(laid(file, control={"mode": "cartesian-impedance"})) == expected
+    with pytest.raises(ConfigurationError, match="null_space_stiffness_nm_rad is no parameter of the control mode"):
+        laid(file, overlay="torque")
+
+
 def limits(**keys: object) -> LimitsConfig:
     return LimitsConfig.model_validate(keys)
 
@@ -270,3 +389,36 @@ def test_limits_of_a_station_reach_the_robot_and_its_monitors() -> None:
     assert safety.tracking_rad == pytest.approx(math.radians(2.0))
     with pytest.raises(ConfigurationError, match="velocity_deg_s of A1 500 is outside"):
         open_parts(config.model_copy(update={"limits": limits(velocity_deg_s=[500.0] * 7)}))
+
+
+def test_inputs_outputs_and_transformations_reach_the_core() -> None:
+    text = f"{IO}type = 'analog'\ndirection = 'output'\ninitial = 1\n[[robot.io.signal]]\nname = 'y'\ntype = 'boolean'"
+    text += "\ndirection = 'input'\nfri = false\n[robot.fri]\ntransformations = ['PBase']"
+    robot = parse_station(tomllib.loads(text), where="file").robot[0]
+    settings = robot.settings(unix_epoch_ns=0, fri_peer=Address("127.0.0.1", 30200), servo=None)
+    assert settings.signals == (
+        Signal("G.x", IOType.ANALOG, IODirection.OUTPUT, 1),
+        Signal("G.y", IOType.BOOLEAN, IODirection.INPUT, False, False),
+    )
+    assert settings.fri is not None
+    assert settings.fri.transformations == ("PBase",)
+
+
+def test_names_that_fit_one_release_may_be_too_long_for_another() -> None:
+    content = {
+        "robot": [
+            {
+                "io": [{"name": "G", "signal": [
+                    {"name": f"{number}" * 61, "type": "digital", "direction": "output"} for number in range(10)
+                ]}],
+                "fri": {"release": "1.11", "transformations": ["PBase"]},
+            }
+        ]
+    }  # fmt: skip
+    # 1.11 lists no inputs and outputs.
+    parse_station(content, where="file")
+    content["robot"][0]["fri"]["release"] = "2.7"  # type: ignore[index]
+    parse_station(content, where="file")
+    content["robot"][0]["fri"]["release"] = "1.15"  # type: ignore[index]
+    with pytest.raises(ConfigurationError, match=r"may have 15\d\d bytes, 1500 at most; shorten or leave out some"):
+        parse_station(content, where="file")

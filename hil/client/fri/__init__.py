@@ -27,10 +27,11 @@ are around: datagrams in, answers out, no socket and no clock.
 from hil.client.fri.asynchronous import AsyncFriClient
 from hil.client.fri.blocking import FriClient
 from hil.client.fri.command import Command
-from hil.client.fri.errors import CommandShape, NotAvailable, NothingHeard
+from hil.client.fri.errors import CommandShape, NotAvailable, NothingHeard, WrongSignal
 from hil.client.fri.handler import FriHandler
 from hil.client.fri.session import ClientSession
 from hil.client.fri.state import FriState
+from hil.client.fri.transformations import make_transformation
 from hil.values.errors import EndpointError, HilError, UsageError
 from hil.values.fri import (
     CLIENT_PORT,
@@ -84,4 +85,6 @@ __all__ = [
     "Transformation",
     "UsageError",
     "Vector",
+    "WrongSignal",
+    "make_transformation",
 ]

@@ -1,11 +1,13 @@
 """What a monitoring message must hold to be answered, and what is in the answer."""
 
+import contextlib
+import operator
 from collections.abc import Mapping
 from typing import Final
 
 from hil.client.fri.command import Command
-from hil.client.fri.errors import CommandShape, NotAvailable
-from hil.client.fri.state import FriState
+from hil.client.fri.errors import CommandShape, NotAvailable, WrongSignal
+from hil.client.fri.state import FriState, io_type_name
 from hil.values.errors import MalformedDatagram, UnknownName
 from hil.values.fri import (
     TRAITS,
@@ -19,10 +21,12 @@ from hil.values.fri import (
 )
 from hil.values.fri_messages import CommandData, IOValue, MonitoringMessage, Redundancy, Transformation, Vector
 from hil.values.outcomes import Outcome
+from hil.values.signals import signal_value, valid_values
 
 _JOINTS: Final = 7
 _ZERO_TORQUE: Final = (0.0,) * _JOINTS
 _ZERO_WRENCH: Final = (0.0,) * 6
+_NOTHING: Final = CommandData()
 
 
 def admitted(release: Release, message: MonitoringMessage) -> tuple[FriState, CommandData | None]:
@@ -54,6 +58,8 @@ def command_data(state: FriState, mirror: CommandData, command: Command | None) 
 
     None: the answer is a header alone.
     """
+    if command is not None and not command.mirror:
+        mirror = _NOTHING
     data = mirror if command is None else _overlaid(state, mirror, command)
     # Not compared with an empty one: an author's vector may be an array, which does not compare to one truth value.
     vectors = (data.position, data.wrench, data.torque, data.pose, data.redundancy)
@@ -97,17 +103,31 @@ def _given(values: Vector | None, otherwise: Vector | None) -> Vector | None:
 
 
 def _outputs(state: FriState, values: Mapping[str, bool | int | float]) -> tuple[IOValue, ...]:
-    listed = {io.name: io for io in state.inputs_outputs if io.direction == IODirection.OUTPUT}
-    told = []
-    for name, value in values.items():
-        if name not in listed:
-            raise UnknownName("output", name, listed)
-        kind = listed[name].type
-        if kind == IOType.ANALOG:
-            told.append(IOValue(name, kind, IODirection.OUTPUT, analog=float(value)))
-        else:
-            told.append(IOValue(name, kind, IODirection.OUTPUT, digital=int(value)))
-    return tuple(told)
+    listed = {io.name: io for io in state.inputs_outputs}
+    return tuple(_output(listed, name, value) for name, value in values.items())
+
+
+def _output(listed: Mapping[str, IOValue], name: str, value: float) -> IOValue:
+    outputs = [io.name for io in listed.values() if io.direction == IODirection.OUTPUT]
+    if name not in listed:
+        raise UnknownName("output", name, outputs)
+    kind = listed[name].type
+    if name not in outputs:
+        raise WrongSignal(name, f"it is an input, which a client cannot set; outputs: {', '.join(outputs) or 'none'}")
+    try:
+        named = IOType(kind)
+    except ValueError:
+        raise WrongSignal(name, f"it is {io_type_name(kind)}, which names nothing") from None
+    if named is IOType.DIGITAL:
+        # A whole number of numpy is no int.
+        with contextlib.suppress(TypeError):
+            value = operator.index(value)  # type: ignore[arg-type]
+    taken = signal_value(named, value)
+    if taken is None:
+        raise WrongSignal(name, f"it is {io_type_name(kind)} and cannot be {value!r}; valid: {valid_values(named)}")
+    if named is IOType.ANALOG:
+        return IOValue(name, kind, IODirection.OUTPUT, analog=float(taken))
+    return IOValue(name, kind, IODirection.OUTPUT, digital=int(taken))
 
 
 def _transformations(state: FriState, values: tuple[Transformation, ...]) -> tuple[Transformation, ...]:

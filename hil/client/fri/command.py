@@ -30,7 +30,12 @@ class Command:
     outputs: Mapping[str, bool | int | float] | None = None
     """Values of outputs by name ``Group.Name``, from 1.14 on; the controller must have listed them as outputs."""
     transformations: tuple[Transformation, ...] = ()
-    """Values of the transformations the controller asked for; 12 numbers each in 1.x, 7 in 2.x, translation in mm."""
+    """Values of the transformations the controller asked for; 12 numbers each in 1.x, 7 in 2.x, translation in mm.
+
+    :func:`hil.client.fri.make_transformation` makes them for either.
+    """
+    mirror: bool = True
+    """Whether what is None is filled in; without, the answer holds nothing else, as that of the vendor's I/O client."""
 
     def __post_init__(self) -> None:
         for name, want in _LENGTHS:

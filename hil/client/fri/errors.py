@@ -4,7 +4,8 @@
 
     UsageError           the application author's mistake
     ├── NotAvailable     a value the release does not have, or does not send in the present session state
-    └── CommandShape     a command whose vectors have the wrong number of elements
+    ├── CommandShape     a command whose vectors have the wrong number of elements
+    └── WrongSignal      an input or output that is read or set as what it is not
     EndpointError
     └── NothingHeard     a run ended without a single monitoring message
 """
@@ -30,6 +31,14 @@ class CommandShape(UsageError):
     def __init__(self, field: str, *, got: int, want: int) -> None:
         self.field, self.got, self.want = field, got, want
         super().__init__(f"{field} of a command has {got} elements, {want} are needed")
+
+
+class WrongSignal(UsageError):
+    """The input or output ``name`` cannot be read or set so; ``reason`` says what it is."""
+
+    def __init__(self, name: str, reason: str) -> None:
+        self.name, self.reason = name, reason
+        super().__init__(f"{name}: {reason}")
 
 
 class NothingHeard(EndpointError):

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import TypeVar
 
-from hil.client.fri.errors import NotAvailable
+from hil.client.fri.errors import NotAvailable, WrongSignal
 from hil.values.errors import UnknownName
 from hil.values.fri import (
     TRAITS,
@@ -210,10 +210,30 @@ class FriState:
                 return bool(io.digital) if io.type == IOType.BOOLEAN else io.digital or 0
         raise UnknownName("input or output", name, (io.name for io in self.inputs_outputs))
 
+    def boolean_io(self, name: str) -> bool:
+        """Return the value of a boolean input or output; raise :class:`UnknownName` or :class:`WrongSignal`."""
+        return bool(self._io(name, IOType.BOOLEAN).digital)
+
+    def digital_io(self, name: str) -> int:
+        """Return the value of a digital input or output; raise :class:`UnknownName` or :class:`WrongSignal`."""
+        return self._io(name, IOType.DIGITAL).digital or 0
+
+    def analog_io(self, name: str) -> float:
+        """Return the value of an analog input or output; raise :class:`UnknownName` or :class:`WrongSignal`."""
+        return self._io(name, IOType.ANALOG).analog or 0.0
+
     @property
     def requested_transformations(self) -> tuple[Transformation, ...]:
         """Transformations the controller asks the client for, with the values it uses now."""
         return self.message.requested_transformations
+
+    def _io(self, name: str, type_: IOType) -> IOValue:
+        for io in self.inputs_outputs:
+            if io.name == name:
+                if io.type != type_:
+                    raise WrongSignal(name, f"it is {io_type_name(io.type)}, not {io_type_name(type_)}")
+                return io
+        raise UnknownName("input or output", name, (io.name for io in self.inputs_outputs))
 
     def _missing(self, what: str, reason: str) -> NotAvailable:
         return NotAvailable(what, release=self.release, state=self.session_state, reason=reason)
@@ -245,3 +265,11 @@ class FriState:
     def _only_two(self, what: str) -> None:
         if not TRAITS[self.release].pose:
             raise self._missing(what, _ONLY_TWO)
+
+
+def io_type_name(number: int) -> str:
+    """Return what a type of an input or output is called."""
+    try:
+        return IOType(number).name.lower()
+    except ValueError:
+        return f"of type {number}"

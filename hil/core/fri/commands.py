@@ -1,8 +1,9 @@
 """What a decoded command must satisfy before the interpolator sees it: finite, right shape, allowed, within limits."""
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
+from hil.values.fri import OverlayKind
 from hil.values.fri_messages import CommandData
 from hil.values.outcomes import Outcome
 from hil.values.robot import JOINT_COUNT, JOINT_NAMES, JointLimits, Seven
@@ -21,36 +22,56 @@ class Refusal(NamedTuple):
     outcome: Outcome
     detail: str
     ends_motion: bool = False
+    missing: bool = False
+    """Whether the command says nothing at all of what the overlay needs; such an answer does not end it at once."""
 
 
-def joint_position(data: CommandData | None) -> tuple[Seven, None] | tuple[None, Refusal]:
-    """Return the commanded joint position of a command for a joint position overlay, or why there is none."""
-    if data is not None and (not_taken := _not_taken(data)):
-        return None, Refusal(
-            Outcome.NOT_ALLOWED, f"the command carries {not_taken}; the running overlay takes joint positions"
-        )
+_TAKES: Final = {
+    OverlayKind.JOINT_POSITION: "joint positions",
+    OverlayKind.TORQUE: "joint positions and torques",
+    OverlayKind.WRENCH: "joint positions and a wrench",
+    OverlayKind.CARTESIAN_POSE: "a Cartesian pose",
+}
+
+
+_NOTHING_ELSE: Final = CommandData()[1:]
+
+
+def not_allowed(data: CommandData | None, overlay: OverlayKind) -> Refusal | None:
+    """Return which part of a command is none that the running overlay takes, or None."""
+    if data is None:
+        return None
+    # Most overlays are of joint positions, and most commands carry nothing else.
+    if data[1:] == _NOTHING_ELSE and overlay is not OverlayKind.CARTESIAN_POSE:
+        return None
+    not_taken = _of_another_overlay(data, overlay)
+    if not_taken is None:
+        return None
+    return Refusal(Outcome.NOT_ALLOWED, f"the command carries {not_taken}; the running overlay takes {_TAKES[overlay]}")
+
+
+def joint_position(data: CommandData | None) -> Seven | Refusal:
+    """Return the commanded joint position of a command, or why there is none."""
     if data is None or data.position is None:
-        return None, Refusal(Outcome.SHAPE, "the command has no joint position")
+        return Refusal(Outcome.SHAPE, "the command has no joint position", missing=True)
     position = data.position
     if len(position) != JOINT_COUNT:
-        return None, Refusal(Outcome.SHAPE, f"{len(position)} joint positions, {JOINT_COUNT} are needed")
+        return Refusal(Outcome.SHAPE, f"{len(position)} joint positions, {JOINT_COUNT} are needed")
     if not all(map(math.isfinite, position)):
         axis = next(index for index, value in enumerate(position) if not math.isfinite(value))
-        return None, Refusal(Outcome.NOT_FINITE, f"{JOINT_NAMES[axis]} is {position[axis]}")
-    return position, None  # type: ignore[return-value]  # seven values, checked above
+        return Refusal(Outcome.NOT_FINITE, f"{JOINT_NAMES[axis]} is {position[axis]}")
+    return position  # type: ignore[return-value]  # seven values, checked above
 
 
-def _not_taken(data: CommandData) -> str | None:
-    if data.torque is not None:
+def _of_another_overlay(data: CommandData, overlay: OverlayKind) -> str | None:
+    if data.torque is not None and overlay is not OverlayKind.TORQUE:
         return "torques"
-    if data.wrench is not None:
+    if data.wrench is not None and overlay is not OverlayKind.WRENCH:
         return "a wrench"
-    if data.pose is not None or data.redundancy is not None:
+    if (data.pose is not None or data.redundancy is not None) and overlay is not OverlayKind.CARTESIAN_POSE:
         return "a Cartesian pose"
-    if data.inputs_outputs:
-        return "outputs the controller does not list"
-    if data.transformations:
-        return "transformations the controller did not ask for"
+    if data.position is not None and overlay is OverlayKind.CARTESIAN_POSE:
+        return "joint positions"
     return None
 
 

@@ -6,33 +6,40 @@ Bytes and times in (:meth:`FriLink.receive`), decisions once a cycle (:meth:`Fri
 
 from collections import deque
 from collections.abc import Callable
+from typing import Final
 
 from hil.core.counters import EVENT_INTERVAL_NS, PacketCounters
 from hil.core.events import ClientRestarted, Event, QualityChanged, ReleaseDoubted
 from hil.core.fri.admission import Admission, Admitted, Dropped
-from hil.core.fri.commander import JointOverlayCommander
+from hil.core.fri.commander import OverlayCommander
 from hil.core.fri.commands import Refusal
 from hil.core.fri.expected import ExpectedAnswers
 from hil.core.fri.log import SessionLog
 from hil.core.fri.messages import MessageBuilder
+from hil.core.fri.outputs import ClientOutputs
+from hil.core.fri.overlay_gate import OverlayGate
 from hil.core.fri.quality import WINDOW_NS, QualityMeter
 from hil.core.fri.sequence import REMEMBERED, SequenceTracker, counter_distance
 from hil.core.fri.session import Trigger, next_state
+from hil.core.fri.transformations import RequestedTransformations
+from hil.core.kinematics.srs import SrsKinematics
 from hil.core.motion.executive import MotionExecutive, Phase
 from hil.core.settings import NS_PER_MS, FriSettings
 from hil.core.statistics import Histogram
 from hil.values.arm import ArmState
-from hil.values.fri import TRAITS, Quality, SessionState
-from hil.values.fri_messages import CommandMessage, ControllerCodec
+from hil.values.fri import TRAITS, OverlayKind, Quality, SessionState
+from hil.values.fri_messages import CommandData, CommandMessage, ControllerCodec
 from hil.values.link import Address
 from hil.values.motion import Fault
 from hil.values.operator import OperatorView
 from hil.values.outcomes import FRI_DROPS, Outcome
 from hil.values.robot import JointLimits
 
+_FIGURES: Final = str.maketrans("", "", "0123456789.+-")
+
 
 class FriLink:
-    """One client. ``emit`` takes events; ``stop`` makes the arm brake for a reason."""
+    """One client. ``emit`` takes events; ``stop`` makes the arm brake for a reason; ``gate`` lets the overlay begin."""
 
     def __init__(
         self,
@@ -43,6 +50,10 @@ class FriLink:
         messages: MessageBuilder,
         motion: MotionExecutive,
         limits: JointLimits,
+        outputs: ClientOutputs,
+        transformations: RequestedTransformations,
+        kinematics: SrsKinematics,
+        gate: OverlayGate,
         emit: Callable[[Event], None],
         stop: Callable[[Fault, int], bool],
     ) -> None:
@@ -50,6 +61,8 @@ class FriLink:
         self._codec = codec
         self._messages = messages
         self._motion = motion
+        self._outputs = outputs
+        self.transformations = transformations
         self._emit = emit
         self._stop = stop
         self._cycles_per_message = settings.send_period_ms // cycle_ms
@@ -62,7 +75,15 @@ class FriLink:
         )
         self._admission = Admission(peer=settings.peer, codec=codec, tracker=self._tracker, budget_ns=self._budget_ns)
         self._known_quality = Quality.POOR
-        self._commander = JointOverlayCommander(settings=settings, cycle_ms=cycle_ms, motion=motion, limits=limits)
+        self._gate = gate
+        self._commander = OverlayCommander(
+            settings=settings,
+            cycle_ms=cycle_ms,
+            motion=motion,
+            limits=limits,
+            kinematics=kinematics,
+            control=gate.setup,
+        )
         self._late_cycles_ns: deque[int] = deque(maxlen=1000)
         self._now_ns = 0
         self._overlay_not_before_ns = 0
@@ -114,7 +135,7 @@ class FriLink:
         else:
             self._drop(refusal.outcome, refusal.detail, now_ns)
 
-    def progress(self, *, now_ns: int, started_ns: int, closing: bool, barred: str) -> None:
+    def progress(self, *, arm: ArmState, now_ns: int, started_ns: int, closing: bool, barred: str) -> None:
         """Once a cycle: judge what is overdue and move the session.
 
         ``started_ns`` is when the cycle really began, ``barred`` why no overlay may start, empty when one may.
@@ -126,6 +147,7 @@ class FriLink:
         state = self.log.state
         if state is SessionState.IDLE:
             if not closing:
+                self._gate.session_opened()
                 self._go(Trigger.SESSION_OPENED, "the robot application opens the session", now_ns)
             return
         self._note_quality(now_ns)
@@ -134,7 +156,7 @@ class FriLink:
         elif state is SessionState.MONITORING_WAIT:
             self._try_ready(now_ns)
         else:
-            self._try_overlay(now_ns, barred=barred)
+            self._try_overlay(arm, now_ns, barred=barred)
 
     def end_motion(self, reason: str, *, now_ns: int) -> None:
         """The motion under the overlay ends: back to monitoring. The caller makes the arm brake."""
@@ -180,6 +202,7 @@ class FriLink:
                 quality=self._meter.quality,
                 arm=arm,
                 operator=operator,
+                control_mode=self._motion.control.kind,
                 set_point=self._motion.set_point,
                 hold_position_rad=self._motion.hold_position_rad,
                 tracking_performance=self._motion.tracking_performance,
@@ -188,7 +211,36 @@ class FriLink:
         )
 
     def _take(self, message: CommandMessage, now_ns: int) -> Refusal | None:
-        """Do with the command what the state asks for; return why it is ignored, or None."""
+        """Do with the command what it asks for, all or nothing; return why it is ignored, or None."""
+        data = message.command
+        if data is None or not (data.inputs_outputs or data.transformations):
+            return self._take_position(message, now_ns)
+        refusal = self._extras_refused(data, now_ns)
+        if refusal is not None:
+            if self._answers_this_state(message) and self.commanding:
+                self._commander.refused(refusal)
+                if self.log.state is SessionState.COMMANDING_ACTIVE:
+                    self._stop_for(refusal, now_ns)
+            return refusal
+        refusal = self._take_position(message, now_ns)
+        # The recorded I/O clients send no positions, in no state: what else they say counts all the same.
+        if refusal is not None and not refusal.missing:
+            return refusal
+        self._outputs.take(data.inputs_outputs, now_ns=now_ns)
+        self.transformations.take(data.transformations, now_ns=now_ns)
+        return None
+
+    def _extras_refused(self, data: CommandData, now_ns: int) -> Refusal | None:
+        """Judge outputs and transformations, which a client may send in every state."""
+        if data.inputs_outputs and (refusal := self._outputs.refusal(data.inputs_outputs)):
+            return refusal
+        return self.transformations.refusal(data.transformations, now_ns=now_ns) if data.transformations else None
+
+    def _stop_for(self, refusal: Refusal, now_ns: int) -> None:
+        self._stop(Fault(f"command out of bounds ({refusal.outcome.value})", refusal.detail), now_ns)
+
+    def _take_position(self, message: CommandMessage, now_ns: int) -> Refusal | None:
+        """Do with the position what the state asks for; return why it is ignored, or None."""
         if not self._answers_this_state(message):
             return None
         if self.log.state < SessionState.COMMANDING_WAIT:
@@ -197,7 +249,7 @@ class FriLink:
             case SessionState.COMMANDING_ACTIVE:
                 refusal = self._commander.command(message)
                 if refusal is not None and refusal.ends_motion:
-                    self._stop(Fault(f"command out of bounds ({refusal.outcome.value})", refusal.detail), now_ns)
+                    self._stop_for(refusal, now_ns)
                 return refusal
             case SessionState.COMMANDING_WAIT:
                 refusal = self._commander.mirror(message)
@@ -264,7 +316,7 @@ class FriLink:
                 now_ns=now_ns,
             )
 
-    def _try_overlay(self, now_ns: int, *, barred: str) -> None:
+    def _try_overlay(self, arm: ArmState, now_ns: int, *, barred: str) -> None:
         if self.quality < Quality.GOOD:
             self._go(Trigger.QUALITY_LOST, f"quality {self.quality.name}: {self._meter.describe()}", now_ns)
             return
@@ -273,11 +325,16 @@ class FriLink:
         if refusal := barred or self._no_overlay_because(now_ns):
             self.log.refuse(SessionState.COMMANDING_WAIT, refusal, key=refusal, now_ns=now_ns)
             return
+        if refusal := self._gate.refusal(arm, now_ns=now_ns):
+            key = refusal.translate(_FIGURES)
+            self.log.refuse(SessionState.COMMANDING_WAIT, refusal, key=key, now_ns=now_ns)
+            return
         self._commander.wait()
-        self._go(Trigger.OVERLAY_STARTED, "the robot application starts a position hold with a joint overlay", now_ns)
+        reason = f"the robot application starts a position hold with a {self._settings.overlay} overlay"
+        self._go(Trigger.OVERLAY_STARTED, reason, now_ns)
 
     def _no_overlay_because(self, now_ns: int) -> str:
-        if not self._settings.joint_position_overlay:
+        if self._settings.overlay is OverlayKind.NONE:
             return "the robot application runs no motion with an overlay (start it with --overlay joint-position)"
         if self._motion.phase is not Phase.HOLDING:
             return f"the arm still brakes ({self._overlay_ended_because})"

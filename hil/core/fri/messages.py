@@ -1,14 +1,19 @@
 """Builds the monitoring message of a cycle from what the controller knows. One release, one configuration."""
 
+from typing import Final
+
+from hil.core.control.stage import ControlStage
 from hil.core.model import ArmModel
 from hil.core.motion.set_point import SetPoint
 from hil.core.settings import ControllerSettings, FriSettings
+from hil.core.signals import SignalTable
 from hil.values.arm import ArmState
 from hil.values.fri import (
     TRAITS,
     ClientCommandMode,
     ControlMode,
     DriveState,
+    OverlayKind,
     OverlayType,
     Quality,
     RedundancyStrategy,
@@ -24,23 +29,47 @@ from hil.values.fri_messages import (
     RobotInfo,
     TimeStamp,
     Transformation,
+    Vector,
 )
 from hil.values.operator import OperatorView
 from hil.values.robot import JOINT_COUNT, Seven
 
 FLANGE_POSE_NAME = "Flange"
-_NO_FORCE = (0.0,) * 6
-"""True of the robot sides there are: none of them models contact, so nothing can push the flange."""
+_COMMAND_MODES: Final = {
+    OverlayKind.NONE: (ClientCommandMode.NONE, OverlayType.NONE),
+    OverlayKind.JOINT_POSITION: (ClientCommandMode.JOINT_POSITION, OverlayType.JOINT),
+    OverlayKind.TORQUE: (ClientCommandMode.TORQUE, OverlayType.JOINT),
+    OverlayKind.WRENCH: (ClientCommandMode.WRENCH, OverlayType.JOINT),
+    OverlayKind.CARTESIAN_POSE: (ClientCommandMode.CARTESIAN_POSE, OverlayType.CARTESIAN),
+}
+"""What the recorded clients were told with each overlay: a torque or a wrench comes beside joint positions."""
 
 
 class MessageBuilder:
     """Fills in what the release has, and nothing else."""
 
-    def __init__(self, *, release: Release, settings: ControllerSettings, fri: FriSettings, model: ArmModel) -> None:
+    def __init__(
+        self,
+        *,
+        release: Release,
+        settings: ControllerSettings,
+        fri: FriSettings,
+        model: ArmModel,
+        control: ControlStage,
+        signals: SignalTable,
+        requested_transformations: tuple[Transformation, ...],
+    ) -> None:
         self._traits = TRAITS[release]
+        self._signals = signals
+        self._requested_transformations = requested_transformations
         self._model = model
         self._settings = settings
         self._fri = fri
+        self._command_mode = _COMMAND_MODES[fri.overlay]
+        self._hold: tuple[Seven, Transformation] | None = None
+        """Hold position of the last Cartesian overlay, and its pose."""
+        self._control = control
+        self._control_mode = ControlMode.POSITION
         self._robot_info: RobotInfo | None = None
         self._operator: OperatorView | None = None
         self._connection_info: ConnectionInfo | None = None
@@ -54,6 +83,7 @@ class MessageBuilder:
         quality: Quality,
         arm: ArmState,
         operator: OperatorView,
+        control_mode: ControlMode,
         set_point: SetPoint,
         hold_position_rad: Seven,
         tracking_performance: float,
@@ -64,10 +94,11 @@ class MessageBuilder:
         return MonitoringMessage(
             sequence_counter,
             reflected_sequence_counter,
-            self._robot(arm, operator),
+            self._robot(arm, operator, control_mode),
             self._monitor(arm, set_point, now_ns),
             self._connection(state, quality),
             self._ipo(hold_position_rad, state, tracking_performance) if commanding else None,
+            self._requested_transformations,
         )
 
     def _connection(self, state: SessionState, quality: Quality) -> ConnectionInfo:
@@ -77,18 +108,23 @@ class MessageBuilder:
             self._connection_info = info
         return info
 
-    def _robot(self, arm: ArmState, operator: OperatorView) -> RobotInfo:
+    def _robot(self, arm: ArmState, operator: OperatorView, control_mode: ControlMode) -> RobotInfo:
         info = self._robot_info
-        if info is None or operator is not self._operator or info.drive_states != arm.drive_states:
+        if (
+            info is None
+            or operator is not self._operator
+            or info.drive_states != arm.drive_states
+            or control_mode is not self._control_mode
+        ):
             holds = DriveState.OFF not in arm.drive_states
             info = RobotInfo(
                 JOINT_COUNT,
                 operator.safety_state,
                 arm.drive_states,
                 operator.mode,
-                ControlMode.POSITION if holds else ControlMode.NO_CONTROL,
+                control_mode if holds else ControlMode.NO_CONTROL,
             )
-            self._robot_info, self._operator = info, operator
+            self._robot_info, self._operator, self._control_mode = info, operator, control_mode
         return info
 
     def _monitor(self, arm: ArmState, set_point: SetPoint, now_ns: int) -> MonitorData:
@@ -104,20 +140,27 @@ class MessageBuilder:
             set_point.position_rad if traits.commanded_position else None,
             arm.commanded_torque_nm,
             arm.external_torque_nm,
-            _NO_FORCE if traits.external_force else None,
-            (),
+            self._external_force(arm, now_ns) if traits.external_force else None,
+            self._signals.on_wire() if traits.inputs_outputs else (),
             pose,
             redundancy,
             TimeStamp(unix_ns // 1_000_000_000, unix_ns % 1_000_000_000),
         )
 
-    @staticmethod
-    def _ipo(hold_position_rad: Seven, state: SessionState, tracking_performance: float) -> IpoData:
-        return IpoData(
-            hold_position_rad,
-            None,
-            None,
-            ClientCommandMode.JOINT_POSITION,
-            OverlayType.JOINT,
-            tracking_performance if state is SessionState.COMMANDING_ACTIVE else 0.0,
-        )
+    def _external_force(self, arm: ArmState, now_ns: int) -> Vector:
+        """Return what pushes the flange in the order of the wire: moments about A, B, C, which are z, y, x."""
+        fx, fy, fz, mx, my, mz = self._control.flange_force(arm, now_ns=now_ns).wrench
+        return (fx, fy, fz, mz, my, mx)
+
+    def _ipo(self, hold_position_rad: Seven, state: SessionState, tracking_performance: float) -> IpoData:
+        """Return the interpolator's position, or with a Cartesian overlay its pose, as the recorded clients had it."""
+        tracking = tracking_performance if state is SessionState.COMMANDING_ACTIVE else 0.0
+        mode, overlay_type = self._command_mode
+        if overlay_type is not OverlayType.CARTESIAN:
+            return IpoData(hold_position_rad, None, None, mode, overlay_type, tracking)
+        if self._hold is None or hold_position_rad is not self._hold[0]:
+            # It stays for as long as the overlay runs; the model would place the links twice a message.
+            pose = Transformation(FLANGE_POSE_NAME, self._model.flange_in_base_mm(hold_position_rad))
+            self._hold = hold_position_rad, pose
+        redundancy = Redundancy(RedundancyStrategy.E1, hold_position_rad[2])
+        return IpoData(None, self._hold[1], redundancy, mode, overlay_type, tracking)
