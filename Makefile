@@ -25,10 +25,11 @@ test: setup
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal tests/unit tests/contract tests/golden $(PYTEST_ARGUMENTS)
 	$(BIN)/python -m pytest tests/network $(PYTEST_ARGUMENTS)
 
-# The proofs of docs/safety.md with many more stories: an hour on two cores. SOAK_STORIES=n for another length.
+# The proofs of docs/safety.md and docs/control.md with many more stories: an hour on two cores. SOAK_STORIES=n for another length.
 SOAK_STORIES ?= 20000
 soak: setup
-	HIL_SOAK_STORIES=$(SOAK_STORIES) $(BIN)/python -m pytest --numprocesses 2 --timeout 0 tests/unit/test_safety_proof.py
+	HIL_SOAK_STORIES=$(SOAK_STORIES) $(BIN)/python -m pytest --numprocesses 2 --timeout 0 \
+		tests/unit/test_safety_proof.py tests/unit/test_control_proof.py
 
 lint: setup types layers
 	$(BIN)/ruff check .

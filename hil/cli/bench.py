@@ -10,8 +10,9 @@ from rich.console import Console
 from rich.progress import Progress, TaskID
 from rich.table import Table
 
+from hil.config.control import ControlConfig, ControlName
 from hil.config.station import FriConfig, Mode, Reaction, ReactionConfig, RobotConfig, ServoConfig
-from hil.values.errors import UnknownName
+from hil.values.errors import ConfigurationError, UnknownName
 from hil.values.fri import Release
 from hil.values.robot import JOINT_COUNT, JOINT_NAMES
 
@@ -34,12 +35,16 @@ def cycle(  # noqa: PLR0917  # typer makes the options of the parameters
     motion: Annotated[
         str, typer.Option(help="What moves the arm: fri-overlay, smart-servo or direct-servo, retargeted each cycle.")
     ] = "fri-overlay",
+    control: Annotated[
+        ControlName,
+        typer.Option(help="Control of the arm under the FRI overlay; impedance comes with its torques or wrenches."),
+    ] = ControlName.POSITION,
     mode: Annotated[Mode, typer.Option(help="Operation mode; T1 has two monitors more.")] = Mode.AUT,
     cycles: Annotated[int, typer.Option(min=100, help="Cycles to measure.")] = 20_000,
     as_json: AsJson = False,
 ) -> None:
     """Cost of one control cycle, whole and by stage, in virtual time with one client at 1 ms."""
-    from tools.bench.clients import BenchMotion
+    from tools.bench.clients import OVERLAY_UNDER, BenchMotion
     from tools.bench.cycle import as_dict, bench_cycle
     from tools.bench.machine import machine
 
@@ -47,7 +52,11 @@ def cycle(  # noqa: PLR0917  # typer makes the options of the parameters
         chosen = BenchMotion(motion)
     except ValueError:
         raise UnknownName("motion", motion, [known.value for known in BenchMotion]) from None
-    fri = FriConfig(release=fri_version) if chosen is BenchMotion.FRI_OVERLAY else None
+    if chosen is not BenchMotion.FRI_OVERLAY and control is not ControlName.POSITION:
+        raise ConfigurationError(f"--control {control} is measured under the FRI overlay, not under {chosen.value}")
+    fri = None
+    if chosen is BenchMotion.FRI_OVERLAY:
+        fri = FriConfig(release=fri_version, overlay=OVERLAY_UNDER[control], control=ControlConfig(mode=control))
     servo = None if fri is not None else ServoConfig()
     config = RobotConfig(model=robot, backend=backend, mode=mode, enabled=True, fri=fri, servo=servo)
     with _progress("cycles", 2 * cycles) as (bar, task):
@@ -60,7 +69,7 @@ def cycle(  # noqa: PLR0917  # typer makes the options of the parameters
         return
     console = Console()
     _print_machine(console, found["machine"])
-    client = chosen.value if fri is None else f"FRI {fri_version}"
+    client = chosen.value if fri is None else f"FRI {fri_version}, {fri.overlay} under {control}"
     table = Table("stage", "p50 us", "p99 us", "max us", title=f"one cycle: {robot}, {backend}, {client}, {mode}")
     for name, figures in found["stages_us"].items():
         table.add_row(name, *_numbers(figures))
@@ -178,6 +187,30 @@ def servo(
         f"newer one, {paced.motion.received} received, {paced.motion.executed} executed, "
         f"{paced.motion.superseded} superseded, {paced.lost} lost"
     )
+    _print_bounds(console, report.bounds())
+
+
+@app.command()
+def kinematics(
+    robot: Robot = "lbr-iiwa-14-r820",
+    poses: Annotated[int, typer.Option(min=10, help="Random poses to measure.")] = 20_000,
+    as_json: AsJson = False,
+) -> None:
+    """Inverse kinematics: what one answer costs."""
+    from tools.bench.kinematics import bench_kinematics
+    from tools.bench.machine import machine
+
+    report = bench_kinematics(robot, poses=poses)
+    if as_json:
+        typer.echo(json.dumps({"machine": machine(), **report.as_dict()}, indent=2))
+        return
+    console = Console()
+    _print_machine(console, machine())
+    table = Table("", "p50 us", "p99 us", "p99.9 us", "max us", title=f"{poses} random poses: {robot}")
+    table.add_row("one pose, E1 and branch", *_numbers(report.inverse.summary_us()))
+    table.add_row("a destination near the arm", *_numbers(report.nearest.summary_us()))
+    table.add_row("a destination anywhere", *_numbers(report.far.summary_us()))
+    console.print(table)
     _print_bounds(console, report.bounds())
 
 

@@ -53,8 +53,12 @@ def check(file: Annotated[Path, typer.Argument(help="Station file to check.")]) 
                 "FRI client": f"{addresses.fri.peer}, release {robot.fri.release}",
                 "served from": "any free port" if addresses.fri.bind.port == 0 else str(addresses.fri.bind),
                 "send period": f"{robot.fri.send_period_ms} ms, receive multiplier {robot.fri.receive_multiplier}",
-                "overlay": robot.fri.overlay.value,
+                "overlay": f"{robot.fri.overlay}, control {robot.fri.control.name_for(robot.fri.overlay)}",
             }
+            if robot.fri.transformations:
+                rows["transformations"] = ", ".join(robot.fri.transformations)
+        if signals := robot.signals():
+            rows["inputs, outputs"] = f"{len(signals)}, {sum(signal.fri for signal in signals)} of them over FRI"
         if robot.servo is not None and addresses.servo is not None:
             make_servo_codec(robot.servo)
             reaction = robot.reaction.settings()

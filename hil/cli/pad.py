@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import math
 import os
 import sys
 import threading
@@ -14,10 +15,12 @@ from typing import Annotated
 import typer
 
 from hil.client.pad import PadClient, PadRefused, RobotState
+from hil.values.arm import DEFAULT_PUSH_S
 from hil.values.errors import EndpointError
+from hil.values.robot import JOINT_COUNT
 
 app = typer.Typer(
-    help="The operator's pad of a running controller: mode, enabling switch, start, pause, emergency stop, override.",
+    help="The operator's pad of a running controller: mode, keys, emergency stop, override, and pushes of the arm.",
     no_args_is_help=True,
 )
 
@@ -109,6 +112,44 @@ def override(
     _act(socket, robot, lambda pad: pad.set_override(percent))
 
 
+@app.command(context_settings={"ignore_unknown_options": True})
+def push(
+    force: Annotated[
+        tuple[float, float, float], typer.Argument(metavar="FX FY FZ", help="Force in N, axes of the robot base.")
+    ],
+    *,
+    link: Annotated[int, typer.Option(help="Link whose outer end is pushed, 1..7; 7: the flange.")] = JOINT_COUNT,
+    moment: Annotated[
+        tuple[float, float, float], typer.Option(metavar="MX MY MZ", help="Moment about the same axes, Nm.")
+    ] = (0.0, 0.0, 0.0),
+    seconds: Annotated[float, typer.Option(help="How long.")] = DEFAULT_PUSH_S,
+    socket: Socket = None,
+    robot: Robot = None,
+) -> None:
+    """Push a simulated arm; a new push replaces the one before."""
+    _act(socket, robot, lambda pad: pad.push(force, link=link, moment_nm=moment, duration_s=seconds))
+
+
+@app.command(context_settings={"ignore_unknown_options": True})
+def io(
+    name: Annotated[str | None, typer.Argument(help="Input or output, Group.Name; none: all.")] = None,
+    value: Annotated[str | None, typer.Argument(help="New value of an input: true, false or a number.")] = None,
+    socket: Socket = None,
+    robot: Robot = None,
+) -> None:
+    """List inputs and outputs, or set an input."""
+    number = None if value is None else _signal_value(value)
+    with _refusals(), PadClient(socket, robot=robot) as pad:
+        robots = pad.status() if name is None or number is None else pad.set_input(name, number)
+    found = [line for key, state in robots.items() for line in _signal_lines(key, state, name)]
+    for line in found:
+        typer.echo(line)
+    if name is not None and not found:
+        names = ", ".join(sorted({one for state in robots.values() for one in state["io"]}))
+        _say(f"there is no input or output {name!r}; valid: {names or 'none'}")
+        raise typer.Exit(_REFUSED)
+
+
 @app.command()
 def status(
     as_json: Annotated[bool, typer.Option("--json", help="Print it as JSON.")] = False,
@@ -154,6 +195,28 @@ def _refusals() -> Iterator[None]:
         for line in (str(refused), *(_line(name, state) for name, state in refused.robots.items())):
             _say(line)
         raise typer.Exit(_REFUSED) from None
+
+
+def _signal_value(text: str) -> bool | int | float:
+    if text in {"true", "false"}:
+        return text == "true"
+    try:
+        return int(text)
+    except ValueError:
+        pass
+    with contextlib.suppress(ValueError):
+        number = float(text)
+        if math.isfinite(number):
+            return number
+    raise typer.BadParameter(f"{text!r} is neither true, false nor a finite number", param_hint="VALUE")
+
+
+def _signal_lines(robot: str, state: RobotState, name: str | None) -> list[str]:
+    return [
+        f"{robot}: {signal} {info['type']} {info['direction']} {json.dumps(info['value'])}"
+        for signal, info in state["io"].items()
+        if name in {None, signal}
+    ]
 
 
 def _print_lines(robots: dict[str, RobotState]) -> None:

@@ -5,9 +5,10 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from hil.config.station import Mode, Overlay, Reaction, Station, load_station, parse_station
+from hil.config.control import ControlName
+from hil.config.station import Mode, Reaction, Station, load_station, parse_station
 from hil.values.errors import ConfigurationError
-from hil.values.fri import Release
+from hil.values.fri import OverlayKind, Release
 
 _ENDPOINTS = ("client", "bind")
 """Options that name an address: they cannot hold for several robots at once."""
@@ -44,7 +45,11 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
     ] = None,
     send_period: Annotated[int | None, typer.Option(metavar="MS", help="Send period, 1..100 ms; 1.")] = None,
     receive_multiplier: Annotated[int | None, typer.Option(metavar="N", help="Client answers every n-th; 1.")] = None,
-    overlay: Annotated[Overlay | None, typer.Option(help="What the client may command; joint-position.")] = None,
+    overlay: Annotated[OverlayKind | None, typer.Option(help="What the client may command; joint-position.")] = None,
+    control: Annotated[
+        ControlName | None,
+        typer.Option(help="Control of the arm while the client commands; what the overlay needs, else position."),
+    ] = None,
     servo: Annotated[
         str | None,
         typer.Option(metavar="ADDR[:PORT]|off", help="Where applications connect to; 127.0.0.1:30300."),
@@ -81,6 +86,7 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
         "send_period_ms": send_period,
         "receive_multiplier": receive_multiplier,
         "overlay": overlay,
+        "control": None if control is None else {"mode": control},
     }
     chosen = station_of(
         station,
@@ -89,6 +95,8 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
         servo=ServoOptions(servo, servo_key, reaction),
         process=_given({"capture": capture, "pad": pad, "realtime": realtime or None}),
     )
+    for note in chosen_controls(chosen):
+        typer.echo(note, err=True)
     from hil.cli.summary import print_summary
     from hil.runtime.run import RunOptions, run_station
 
@@ -96,6 +104,20 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
     print_summary(result.status)
     if result.fault is not None:
         raise typer.Exit(1)
+
+
+def chosen_controls(station: Station) -> list[str]:
+    """Return a line for each robot whose control mode was not given, where its overlay needs one."""
+    notes = []
+    for robot in station.robot:
+        fri = robot.fri
+        if fri is None or fri.control.mode is not None:
+            continue
+        name = fri.control.name_for(fri.overlay)
+        if name is not ControlName.POSITION:
+            parameters = "as set" if fri.control.model_fields_set else "of default stiffness and damping"
+            notes.append(f"{robot.name}: a {fri.overlay} overlay needs {name}; taken, {parameters}")
+    return notes
 
 
 class ServoOptions(NamedTuple):
@@ -142,7 +164,10 @@ def _lay_fri_options(robots: list[dict[str, Any]], fri: dict[str, Any], path: Pa
     if fri and not linked:
         raise ConfigurationError(f"no robot of {path} has an FRI link for the FRI options; add --fri-client")
     for one in linked:
-        one["fri"] = {**(one.get("fri") or {}), **fri}
+        before = one.get("fri") or {}
+        one["fri"] = {**before, **fri}
+        if "control" in fri:
+            one["fri"]["control"] = {**before.get("control", {}), **fri["control"]}
 
 
 def _lay_servo_options(robots: list[dict[str, Any]], servo: ServoOptions, path: Path | None) -> None:

@@ -22,8 +22,10 @@ from types import TracebackType
 from typing import Any, Final, NamedTuple, Self, TypedDict
 
 from hil.client.pad_folder import checked_socket_path, distrusted, listens, process_of, socket_folder
+from hil.values.arm import DEFAULT_PUSH_S
 from hil.values.errors import EndpointError, HilError
 from hil.values.operator import PadKey
+from hil.values.robot import JOINT_COUNT
 
 _MAX_LINE_BYTES: Final = 1 << 20
 _LIST_TIMEOUT_S: Final = 1.0
@@ -52,6 +54,15 @@ class StopInfo(TypedDict):
     reason: str
 
 
+class SignalInfo(TypedDict):
+    """An input or output; ``type`` is boolean, digital or analog, ``direction`` input or output."""
+
+    type: str
+    direction: str
+    value: bool | int | float
+    fri: bool
+
+
 class RobotState(TypedDict):
     """What the pad shows of one robot; names are those of :mod:`hil.values.operator` and :mod:`hil.values.fri`."""
 
@@ -67,6 +78,7 @@ class RobotState(TypedDict):
     commander: str | None
     last_stop: StopInfo | None
     closest: str
+    io: dict[str, SignalInfo]
     time_s: float
     cycles: int
 
@@ -167,6 +179,22 @@ class PadClient:
     def set_override(self, percent: float) -> dict[str, RobotState]:
         """Set the program override, 0..100 %."""
         return self._ask("override", {"percent": percent})
+
+    def push(
+        self,
+        force_n: tuple[float, float, float],
+        *,
+        link: int = JOINT_COUNT,
+        moment_nm: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        duration_s: float = DEFAULT_PUSH_S,
+    ) -> dict[str, RobotState]:
+        """Push a simulated arm at the outer end of a link (7: at the flange); N and Nm, axes of the robot base."""
+        told = {"link": link, "force_n": list(force_n), "moment_nm": list(moment_nm), "duration_s": duration_s}
+        return self._ask("push", told)
+
+    def set_input(self, name: str, value: bool | float) -> dict[str, RobotState]:
+        """Set the input ``Group.Name``; outputs are the FRI client's."""
+        return self._ask("io", {"name": name, "value": value})
 
     def status(self) -> dict[str, RobotState]:
         """Return what the pad shows, by robot."""

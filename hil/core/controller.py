@@ -7,23 +7,33 @@ nanoseconds on the core's own axis, which starts at 0.
 
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 
-from hil.core.events import ArmResting, ArmStopped, Event
+from hil.core.control.load_validation import LoadValidation
+from hil.core.control.stage import ControlStage
+from hil.core.events import ArmResting, ArmStopped, Event, InputSet
 from hil.core.fri.link import FriLink
 from hil.core.fri.messages import MessageBuilder
+from hil.core.fri.outputs import ClientOutputs
+from hil.core.fri.overlay_gate import OverlayGate
+from hil.core.fri.transformations import RequestedTransformations
+from hil.core.kinematics.redundancy import nearest
 from hil.core.model import ArmModel
 from hil.core.motion.application_motion import MotionBasis
 from hil.core.motion.executive import MotionExecutive, Phase
 from hil.core.motion.set_point import SetPoint
+from hil.core.pushes import Pusher
 from hil.core.safety.supervisor import Supervisor, operator_report
 from hil.core.servo.link import SERVO_LINK, ServoLink
 from hil.core.settings import ControllerSettings
-from hil.values.arm import Backend, JointCommand
+from hil.core.signals import SignalTable
+from hil.values.arm import Backend
+from hil.values.control import ControlSetup
 from hil.values.errors import ConfigurationError, IllegalTransition
 from hil.values.fri_messages import ControllerCodec
 from hil.values.link import Outgoing, Source
 from hil.values.motion import Fault
-from hil.values.operator import OperatorAction, OperatorView, StopCategory
+from hil.values.operator import OperatorAction, OperatorView, SetInput, StopCategory
 from hil.values.robot import RobotDescription
 from hil.values.servo import ServoControllerCodec
 
@@ -55,22 +65,33 @@ class Controller:
         self._outgoing: list[Outgoing] = []
         self._arm = backend.read()
         self._motion = MotionExecutive(
-            self._arm.position_rad, limits=description.limits, cycle_s=settings.cycle_ns * 1e-9
+            self._arm.position_rad,
+            limits=description.limits,
+            cycle_s=settings.cycle_ns * 1e-9,
+            hold_control=ControlSetup(load=settings.load),
         )
+        self._control = ControlStage(
+            model.dynamics(settings.load), sensor_sigma_nm=backend.capabilities.torque_sigma_nm
+        )
+        self._pusher = Pusher(backend)
         self._safety = Supervisor(
             settings=settings,
             limits=description.limits,
             model=model,
             backend=backend,
+            pusher=self._pusher,
             motion=self._motion,
             emit=self._events.append,
         )
+        self._signals = SignalTable(settings.signals)
         self._fri = self._make_fri(codec, description, model)
-        self._servo = self._make_servo(servo_codec, description)
+        self._servo = self._make_servo(servo_codec, description, model)
         self._safety.end_overlay = self._end_overlay
         self._before: SetPoint = self._motion.set_point
         self._closing = False
         self._proposed = self._motion.set_point
+        self._yielded = False
+        """Whether the arm was to yield in the cycle before."""
         self._stages: tuple[tuple[str, Callable[[int, int], None]], ...] = (
             ("read", self._read),
             ("session", self._progress),
@@ -95,6 +116,10 @@ class Controller:
         """Do what the operator did with the pad; return why that changes nothing, or an empty text."""
         if self.closed or self._closing:
             return _SHUTS_DOWN.reason
+        if isinstance(action, SetInput):
+            refusal = self._signals.set_input(action.name, action.value)
+            self._events.append(InputSet(now_ns, action.name, action.value, refusal))
+            return refusal
         return self._safety.operate(action, commanding=self._fri_commands, now_ns=now_ns)
 
     def tick(self, *, now_ns: int, lateness_ns: int = 0) -> None:
@@ -162,6 +187,8 @@ class Controller:
             "session": fri.log.report(fri.quality) if fri is not None else None,
             "packets": fri.counters.report() if fri is not None else None,
             "servo": self._servo.report() if self._servo is not None else None,
+            "io": self._signals.report(),
+            "transformations": fri.transformations.report() if fri is not None else {},
             **self._safety.report(),
             "initial_position": list(self.initial_position_rad),
             "measured_position": list(self._arm.position_rad),
@@ -177,6 +204,11 @@ class Controller:
     def servo(self) -> ServoLink | None:
         """The servo link, to be looked at."""
         return self._servo
+
+    @property
+    def signals(self) -> SignalTable:
+        """Inputs and outputs, to be looked at."""
+        return self._signals
 
     @property
     def operator(self) -> OperatorView:
@@ -206,23 +238,47 @@ class Controller:
             return None
         if codec is None:
             raise ConfigurationError("an FRI link needs the codec of its release")
+        transformations = RequestedTransformations(
+            settings.fri.transformations, release=codec.release, unix_epoch_ns=settings.unix_epoch_ns
+        )
+        settings.fri.check_release(codec.release)
+        settings.fri.check_robot_side(takes_torque=self._backend.capabilities.takes_torque)
+        kinematics = model.kinematics(description.limits)
+        validation = LoadValidation(dynamics=self._control.dynamics, kinematics=kinematics, limits=description.limits)
         return FriLink(
             settings=settings.fri,
             cycle_ms=settings.cycle_ms,
             codec=codec,
-            messages=MessageBuilder(release=codec.release, settings=settings, fri=settings.fri, model=model),
+            messages=MessageBuilder(
+                control=self._control,
+                release=codec.release,
+                settings=settings,
+                fri=settings.fri,
+                model=model,
+                signals=self._signals,
+                requested_transformations=transformations.on_wire,
+            ),
             motion=self._motion,
             limits=description.limits,
+            outputs=ClientOutputs(self._signals, emit=self._events.append),
+            transformations=transformations,
+            kinematics=kinematics,
+            gate=OverlayGate(
+                setup=ControlSetup(settings.fri.control, settings.load), validation=validation, kinematics=kinematics
+            ),
             emit=self._events.append,
             stop=self._safety.stop,
         )
 
-    def _make_servo(self, codec: ServoControllerCodec | None, description: RobotDescription) -> ServoLink | None:
+    def _make_servo(
+        self, codec: ServoControllerCodec | None, description: RobotDescription, model: ArmModel
+    ) -> ServoLink | None:
         settings = self._settings
         if settings.servo is None:
             return None
         if codec is None:
             raise ConfigurationError("a servo link needs its codec")
+        kinematics = model.kinematics(description.limits)
         basis = MotionBasis(
             limits=description.limits,
             servo=description.servo,
@@ -230,13 +286,18 @@ class Controller:
             smart_servo_dead_time_ns=settings.reaction.smart_servo_dead_time_ns,
             direct_servo_dead_time_ns=settings.reaction.direct_servo_dead_time_ns,
             flange=self._safety.flange,
+            axes_nearest=partial(nearest, kinematics),
         )
         return ServoLink(
             settings=settings,
             servo=settings.servo,
             codec=codec,
             executive=self._motion,
+            control=self._control,
             basis=basis,
+            kinematics=kinematics,
+            takes_torque=self._backend.capabilities.takes_torque,
+            pusher=self._pusher,
             emit=self._events.append,
             failed=self._safety.note_stop,
         )
@@ -251,7 +312,7 @@ class Controller:
 
     def _read(self, now_ns: int, _started_ns: int) -> None:
         self._before = self._motion.set_point
-        self._arm = self._backend.read()
+        self._arm = self._control.read(self._backend.read(), now_ns=now_ns)
         self._safety.read(self._arm, now_ns=now_ns)
 
     def _progress(self, now_ns: int, started_ns: int) -> None:
@@ -261,13 +322,13 @@ class Controller:
             barred = _SHUTS_DOWN.reason if self._closing else waits
             if not barred and servo is not None and (commander := servo.commander):
                 barred = f"the application {commander} commands the arm over the servo link"
-            fri.progress(now_ns=now_ns, started_ns=started_ns, closing=self._closing, barred=barred)
+            fri.progress(arm=self._arm, now_ns=now_ns, started_ns=started_ns, closing=self._closing, barred=barred)
         if servo is not None:
             # A paused program lets motions wait; a stop lets none in.
             barred = safety.bars_motions
             if self._fri_commands:
                 barred = "the FRI client commands the arm: end its overlay first, or run the controller without one"
-            servo.progress(measured_rad=self._arm.position_rad, now_ns=now_ns, started_ns=started_ns, barred=barred)
+            servo.progress(arm=self._arm, now_ns=now_ns, started_ns=started_ns, barred=barred)
 
     def _interpolate(self, now_ns: int, started_ns: int) -> None:
         proposed = self._propose(now_ns, started_ns)
@@ -279,7 +340,13 @@ class Controller:
         self._proposed = proposed
 
     def _propose(self, now_ns: int, started_ns: int) -> SetPoint | Fault:
-        return self._motion.propose(measured_rad=self._arm.position_rad, now_ns=now_ns, started_ns=started_ns)
+        arm = self._arm
+        return self._motion.propose(
+            measured_rad=arm.position_rad,
+            measured_rad_s=arm.velocity_rad_s,
+            now_ns=now_ns,
+            started_ns=started_ns,
+        )
 
     def _check_set_point(self, now_ns: int, started_ns: int) -> None:
         safety, motion = self._safety, self._motion
@@ -298,14 +365,18 @@ class Controller:
             self._interpolate(now_ns, started_ns)
 
     def _move(self, now_ns: int, _started_ns: int) -> None:
-        proposed = self._proposed
-        self._backend.write(JointCommand(*proposed))
+        proposed, motion = self._proposed, self._motion
+        self._backend.write(self._control.command(proposed, motion, now_ns=now_ns))
         self._backend.step()
-        if self._motion.commit(proposed, now_ns=now_ns):
+        if motion.commit(proposed, now_ns=now_ns):
             self._events.append(ArmResting(now_ns))
 
     def _check_measured(self, now_ns: int, _started_ns: int) -> None:
-        self._safety.check_measured(self._arm, self._before, now_ns=now_ns)
+        self._safety.check_measured(self._arm, self._before, yields=self._yielded, now_ns=now_ns)
+        self._yielded = self._motion.control.yields
+        fault = self._control.violation
+        if fault is not None and self._motion.phase is not Phase.BRAKING:
+            self._safety.stop(fault, now_ns)
 
     def _send(self, now_ns: int, started_ns: int) -> None:
         if self._closing and self._motion.at_rest:

@@ -7,6 +7,7 @@ from hil.values.motion import MotionEnd, MotionKind
 from hil.values.operator import OperatorView, StopCategory
 from hil.values.outcomes import Outcome
 from hil.values.servo import Role
+from hil.values.signals import SignalValue
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,6 +179,34 @@ class OperatorActed(Event):
 
 
 @dataclass(frozen=True, slots=True)
+class OutputChanged(Event):
+    """The FRI client changed an output; at most one event a second for each, with the changes since the last one."""
+
+    name: str
+    old: SignalValue
+    new: SignalValue
+    count: int
+
+    def __str__(self) -> str:
+        often = f" ({self.count} changes)" if self.count > 1 else ""
+        return f"output {self.name}: {_shown(self.old)} -> {_shown(self.new)}{often}"
+
+
+@dataclass(frozen=True, slots=True)
+class InputSet(Event):
+    """The operator set an input; ``refusal`` says why it changed nothing, empty when it did."""
+
+    name: str
+    value: SignalValue
+    refusal: str
+
+    def __str__(self) -> str:
+        if self.refusal:
+            return f"pad: input refused: {self.refusal}"
+        return f"pad: input {self.name} = {_shown(self.value)}"
+
+
+@dataclass(frozen=True, slots=True)
 class DrivesChanged(Event):
     """The drives were dropped, are being switched on, or hold the arm again."""
 
@@ -197,3 +226,7 @@ class WouldHaveStopped(Event):
 
     def __str__(self) -> str:
         return f"PERMISSIVE: would have been a stop of category {self.category.value}: {self.reason}"
+
+
+def _shown(value: SignalValue) -> str:
+    return str(value).lower() if isinstance(value, bool) else f"{value:.6g}" if isinstance(value, float) else str(value)

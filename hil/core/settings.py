@@ -1,10 +1,15 @@
 """What the core is told at its construction: frozen, in base units, checked on construction."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Final
 
+from hil.values.control import POSITION_CONTROL, ControlModeSettings, ControlSetup
 from hil.values.errors import ConfigurationError, OutOfRange
-from hil.values.fri import MAX_PERIOD_MS, MIN_PERIOD_MS, OperationMode
+from hil.values.frames import FrameTree
+from hil.values.fri import MAX_PERIOD_MS, MIN_PERIOD_MS, TRAITS, ControlMode, OperationMode, OverlayKind, Release
 from hil.values.link import Address
+from hil.values.load import NO_LOAD, Load
+from hil.values.signals import Signal, check_signals, check_transformation_names
 
 NS_PER_MS = 1_000_000
 CYCLE_CHOICES_MS = (1, 2, 4, 5)
@@ -16,25 +21,43 @@ Measured with default parameters on the MuJoCo arm, to 1e-6 rad of the measured 
 """
 
 
+NEEDED_CONTROL: Final[dict[OverlayKind, ControlMode]] = {
+    OverlayKind.TORQUE: ControlMode.JOINT_IMPEDANCE,
+    OverlayKind.WRENCH: ControlMode.CARTESIAN_IMPEDANCE,
+}
+"""The one kind of control an overlay works under (fri-wire page); the others work under any."""
+_CONTROL_NAMES: Final = {
+    ControlMode.POSITION: "position control",
+    ControlMode.JOINT_IMPEDANCE: "joint impedance control",
+    ControlMode.CARTESIAN_IMPEDANCE: "Cartesian impedance control",
+}
+
+
 @dataclass(frozen=True, slots=True)
 class FriSettings:
     """One FRI link.
 
     The latency budget is send period x receive multiplier (fri-wire page). Figures marked *ours* have no published
     value: the watchdog (longest run of unanswered messages while commanding), the number and the tolerance of the
-    mirroring answers in COMMANDING_WAIT, and the rest between the end of an overlay and the next one.
+    mirroring answers in COMMANDING_WAIT, and the rest between the end of an overlay and the next one. ``control`` is
+    what the arm is controlled with while the client commands; else it is held stiffly.
     """
 
     peer: Address
     send_period_ms: int = 1
     receive_multiplier: int = 1
-    joint_position_overlay: bool = True
+    overlay: OverlayKind = OverlayKind.JOINT_POSITION
+    control: ControlModeSettings = POSITION_CONTROL
     watchdog_ms: int | None = None
     mirror_answers: int = 10
     mirror_tolerance_rad: float = 1e-3
+    mirror_tolerance_mm: float = 1.0
     overlay_restart_ms: int = 1000
+    transformations: tuple[str, ...] = ()
+    """Names of those the client is asked for."""
 
     def __post_init__(self) -> None:
+        check_transformation_names(self.transformations)
         if not MIN_PERIOD_MS <= self.send_period_ms <= MAX_PERIOD_MS:
             raise ConfigurationError(
                 f"send period {self.send_period_ms} ms is outside {MIN_PERIOD_MS}..{MAX_PERIOD_MS} ms"
@@ -50,6 +73,25 @@ class FriSettings:
             raise ConfigurationError(
                 f"FRI watchdog {self.watchdog_ms} ms is outside {self.budget_ms}..1000 ms "
                 f"(send period x receive multiplier .. one second)"
+            )
+        kind, needed = ControlSetup(self.control).kind, NEEDED_CONTROL.get(self.overlay)
+        if needed is not None and kind is not needed:
+            raise ConfigurationError(
+                f"a {self.overlay} overlay needs {_CONTROL_NAMES[needed]}, not {_CONTROL_NAMES[kind]}"
+            )
+
+    def check_release(self, release: Release) -> None:
+        """Raise :class:`ConfigurationError` if clients of ``release`` know no such overlay."""
+        if self.overlay is OverlayKind.CARTESIAN_POSE and not TRAITS[release].pose:
+            raise ConfigurationError(f"a {self.overlay} overlay needs a client of release 2.x, not {release}")
+
+    def check_robot_side(self, *, takes_torque: bool) -> None:
+        """Raise :class:`ConfigurationError` if the robot side cannot control the arm so."""
+        setup = ControlSetup(self.control)
+        if self.overlay is not OverlayKind.NONE and setup.yields and not takes_torque:
+            raise ConfigurationError(
+                f"a {self.overlay} overlay under {_CONTROL_NAMES[setup.kind]} needs a robot side that takes torques; "
+                f"this one takes positions only"
             )
 
     @property
@@ -152,8 +194,13 @@ class ControllerSettings:
     reaction: ReactionSettings = ReactionSettings()
     safety: SafetySettings = SafetySettings()
     enabled: bool = False
+    frames: FrameTree = field(default_factory=FrameTree)
+    load: Load = NO_LOAD
+    """What hangs on the flange, in the flange, as far as anybody has told."""
+    signals: tuple[Signal, ...] = ()
 
     def __post_init__(self) -> None:
+        check_signals(self.signals)
         if self.cycle_ms not in CYCLE_CHOICES_MS:
             raise ConfigurationError(
                 f"control cycle {self.cycle_ms} ms is none of {', '.join(map(str, CYCLE_CHOICES_MS))} ms"

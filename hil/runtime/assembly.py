@@ -75,7 +75,7 @@ def make_backend(config: RobotConfig, description: RobotDescription) -> Backend:
         return IdealBackend(description)
     from backends.mujoco import MujocoBackend
 
-    return MujocoBackend(description, seed=config.seed)
+    return MujocoBackend(description, seed=config.seed, load=config.true_load(), torque_noise=config.torque_noise)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +104,9 @@ def open_parts(config: RobotConfig) -> RobotParts:
     if backend.capabilities.moves_real_drives and (config.permissive or config.enabled):
         wish = "permissive" if config.permissive else "enabled"
         raise ConfigurationError(f"{config.name}: the backend {config.backend} moves real drives: never {wish}")
+    if config.fri is not None:
+        peer = Address("127.0.0.1", CLIENT_PORT)
+        config.fri.settings(peer).check_robot_side(takes_torque=backend.capabilities.takes_torque)
     model = ArmModel(load_pinocchio(description.name))
     backend.open(period_ns=config.cycle_ms * NS_PER_MS)
     return RobotParts(description, model, backend, servo_codec)

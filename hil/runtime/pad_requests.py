@@ -4,9 +4,11 @@ import json
 from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple, NoReturn
 
+from hil.values.arm import DEFAULT_PUSH_S, Push
 from hil.values.errors import PeerError
 from hil.values.fri import OperationMode
-from hil.values.operator import OperatorAction, PadKey, Press, SelectMode, SetOverride
+from hil.values.operator import OperatorAction, PadKey, Press, SelectMode, SetInput, SetOverride
+from hil.values.robot import JOINT_COUNT, Three
 
 MAX_LINE_BYTES: Final = 4096
 """Longest request, without the end of its line."""
@@ -74,8 +76,8 @@ def _request(fields: Mapping[str, Any]) -> PadRequest:
     if not isinstance(what, str) or what not in _REQUESTS:
         told = f"do {_shown(what)} is unknown" if "do" in fields else "there is no do"
         raise PeerError(f"{told}; valid: {', '.join(_REQUESTS)}")
-    key, read = _REQUESTS[what]
-    valid = ["do", "robot", "id", *([key] if key else [])]
+    keys, read = _REQUESTS[what]
+    valid = ["do", "robot", "id", *keys]
     for name in fields:
         if name not in valid:
             raise PeerError(f"there is no key {_shown(name)} in do {what}; valid: {', '.join(valid)}")
@@ -113,6 +115,42 @@ def _override(_what: str, fields: Mapping[str, Any]) -> PadRequest:
         raise PeerError(f"percent {_shown(percent)} is no number a computer has; valid: 0 ... 100") from error
 
 
+def _push(_what: str, fields: Mapping[str, Any]) -> PadRequest:
+    link = fields.get("link", JOINT_COUNT)
+    if isinstance(link, bool) or not isinstance(link, int):
+        raise PeerError(f"link {_shown(link)} is no whole number; valid: 1 ... {JOINT_COUNT}")
+    force, moment = (_three(fields.get(key, [0, 0, 0]), key) for key in ("force_n", "moment_nm"))
+    [duration] = _numbers([fields.get("duration_s", DEFAULT_PUSH_S)], 1, "duration_s")
+    return PadRequest(Push(link, force, moment, duration))
+
+
+def _three(value: object, key: str) -> Three:
+    x, y, z = _numbers(value, 3, key)
+    return (x, y, z)
+
+
+def _numbers(value: object, count: int, key: str) -> list[float]:
+    if (
+        not isinstance(value, list)
+        or len(value) != count
+        or any(isinstance(number, bool) or not isinstance(number, int | float) for number in value)
+    ):
+        raise PeerError(f"{key} {_shown(value)}: {count} numbers are needed")
+    try:
+        return [float(number) for number in value]
+    except OverflowError as error:
+        raise PeerError(f"{key} has a number no computer has") from error
+
+
+def _io(_what: str, fields: Mapping[str, Any]) -> PadRequest:
+    name, value = fields.get("name"), fields.get("value")
+    if not isinstance(name, str):
+        raise PeerError(f"name {_shown(name)} is no text; valid: the Group.Name of an input")
+    if not isinstance(value, bool | int | float):
+        raise PeerError(f"value {_shown(value)} is neither a number nor true or false")
+    return PadRequest(SetInput(name, value))
+
+
 def _status(_what: str, _fields: Mapping[str, Any]) -> PadRequest:
     return PadRequest()
 
@@ -121,15 +159,17 @@ def _watch(_what: str, _fields: Mapping[str, Any]) -> PadRequest:
     return PadRequest(watch=True)
 
 
-_REQUESTS: Final[Mapping[str, tuple[str, Callable[[str, Mapping[str, Any]], PadRequest]]]] = {
-    **{key.value: ("", _press) for key in PadKey},
-    PadKey.ENABLE.value: ("hold", _enable),
-    "mode": ("mode", _mode),
-    "override": ("percent", _override),
-    "status": ("", _status),
-    "watch": ("", _watch),
+_REQUESTS: Final[Mapping[str, tuple[tuple[str, ...], Callable[[str, Mapping[str, Any]], PadRequest]]]] = {
+    **{key.value: ((), _press) for key in PadKey},
+    PadKey.ENABLE.value: (("hold",), _enable),
+    "mode": (("mode",), _mode),
+    "override": (("percent",), _override),
+    "push": (("link", "force_n", "moment_nm", "duration_s"), _push),
+    "io": (("name", "value"), _io),
+    "status": ((), _status),
+    "watch": ((), _watch),
 }
-"""By ``do``: the key it has beside those all have, and what reads it."""
+"""By ``do``: the keys it has beside those all have, and what reads it."""
 
 
 def _shown(value: object) -> str:

@@ -103,6 +103,7 @@ class RobotProcess:
                 "reason": stop.reason,
             },
             "closest": controller.closest,
+            "io": controller.signals.report(),
             "time_s": round((self._clock.now_ns() - self._epoch_ns) / 1e9, 3),
             "cycles": controller.ticks,
         }

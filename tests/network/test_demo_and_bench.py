@@ -3,6 +3,8 @@
 import json
 from pathlib import Path
 
+import pytest
+
 from tests.support.processes import finish, hil
 
 
@@ -43,6 +45,35 @@ def test_bench_cycle_splits_the_cycle_into_its_stages() -> None:
         "all monitors together, median",
         "virtual time",
     }
+
+
+def test_bench_kinematics_measures_one_answer() -> None:
+    ended = finish(hil("bench", "kinematics", "--poses", 300, "--json"))
+    assert ended.code == 0, ended.err
+    report = json.loads(ended.out)
+    assert 0.0 < report["inverse_us"]["p50"] < report["far_us"]["p99"]
+
+
+@pytest.mark.parametrize("control", ["joint-impedance", "cartesian-impedance"])
+def test_bench_cycle_measures_the_impedance_modes_under_the_overlay_that_needs_them(control: str) -> None:
+    ended = finish(hil("bench", "cycle", "--control", control, "--cycles", 300, "--json"))
+    assert ended.code == 0, ended.err
+    found = json.loads(ended.out)
+    assert found["control"] == control
+    assert found["stages_us"]["backend"]["p50"] > 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("--motion", "smart-servo"), "--control joint-impedance is measured under the FRI overlay, not under smart"),
+        (("--backend", "ideal"), "needs a robot side that takes torques"),
+    ],
+)
+def test_bench_cycle_refuses_what_cannot_be_controlled_so(arguments: tuple[str, ...], sentence: str) -> None:
+    ended = finish(hil("bench", "cycle", "--control", "joint-impedance", "--cycles", 300, *arguments))
+    assert ended.code == 2
+    assert sentence in ended.err
 
 
 def test_bench_rate_reports_a_run_against_a_client_process() -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from hil.client.pad import PadClient, PadRefused, RobotState, running_controllers
-from hil.client.servo import PTP, ServoClient
+from hil.client.servo import PTP, Role, ServoClient
 from hil.values.errors import EndpointError
 from tests.support.processes import ROOT, Ended, finish, hil, own_host, probe, wait_for_line
 from tests.support.servo_process import servo_controller
@@ -82,6 +82,55 @@ def test_every_key_says_what_became_of_it(folder: Path) -> None:
             assert ended.code == code, (arguments, ended)
             assert said in (ended.err if code else ended.out), (arguments, ended)
             assert len((ended.out + ended.err).strip().splitlines()) == 1 + code
+
+
+def test_inputs_are_set_and_listed(folder: Path) -> None:
+    place, station = folder / "x", folder / "station.toml"
+    station.write_text(
+        """
+        [[robot]]
+        [[robot.io]]
+        name = "G"
+        signal = [
+            { name = "Key", type = "boolean", direction = "input" },
+            { name = "Level", type = "analog", direction = "input", initial = 0.5 },
+            { name = "Count", type = "digital", direction = "output", initial = 7 },
+        ]
+        """,
+        encoding="utf-8",
+    )
+    with controller(place, station):
+        for arguments, code, said in (
+            (
+                ["io"],
+                0,
+                "arm: G.Key boolean input false\narm: G.Level analog input 0.5\narm: G.Count digital output 7\n",
+            ),
+            (["io", "G.Count"], 0, "arm: G.Count digital output 7\n"),
+            (["io", "G.Key", "true"], 0, "arm: G.Key boolean input true\n"),
+            (["io", "G.Level", "-1.5"], 0, "arm: G.Level analog input -1.5\n"),
+            (["io", "G.Key"], 0, "arm: G.Key boolean input true\n"),
+            (["io", "G.Key", "2"], 1, "G.Key is boolean, 2 is none of its values; valid: true or false"),
+            (["io", "G.Count", "1"], 1, "G.Count is an output, which the FRI client sets; inputs: G.Key, G.Level"),
+            (["io", "G.Door", "1"], 1, "there is no input 'G.Door'; valid: G.Key, G.Level"),
+            (["io", "G.Door"], 1, "there is no input or output 'G.Door'; valid: G.Count, G.Key, G.Level"),
+            (["io", "G.Key", "nan"], 2, "'nan' is neither true, false nor a finite number"),
+            (["io", "G.Key", "on"], 2, "'on' is neither true, false nor a finite number"),
+        ):
+            ended = pad(place, *arguments)
+            assert ended.code == code, (arguments, ended)
+            if code:
+                assert said in " ".join(ended.err.replace("│", "").split()), (arguments, ended)
+            else:
+                assert ended.out == said
+        with PadClient(place) as client:
+            client.set_input("G.Level", 3)
+            assert client.status()["arm"]["io"]["G.Level"] == {
+                "type": "analog",
+                "direction": "input",
+                "value": 3.0,
+                "fri": True,
+            }
 
 
 def test_wrong_usage_is_exit_code_2(folder: Path) -> None:
@@ -432,3 +481,28 @@ def test_a_servo_motion_waits_for_the_operator_and_then_moves(folder: Path) -> N
         assert motion.wait_until_ended(timeout_s=30)
         assert robot.wait_for_state() is not None
         assert robot.read_state().measured_position == pytest.approx(there, abs=1e-3)
+
+
+def test_a_simulated_arm_is_pushed_and_wrong_pushes_are_refused_in_words(folder: Path) -> None:
+    place = folder / "x"
+    with (
+        servo_controller("--pad", place, "--progress", 0, backend="mujoco") as running,
+        ServoClient(running.address, role=Role.OBSERVER) as watcher,
+    ):
+        for arguments, code, words in (
+            (["push", "501", "0", "0"], 1, "force along x 501 is outside its range -500 ... 500 N"),
+            (["push", "1", "0", "0", "--link", "8"], 1, "link 8 is outside its range 1 ... 7"),
+            (["push", "1", "0"], 2, "takes 3 values"),
+            (["push", "0", "0", "-10", "--link", "3", "--moment", "0", "0", "-1"], 0, "arm: AUT, RUNNING"),
+            (["push", "0", "-15", "0", "--seconds", "20"], 0, "arm: AUT, RUNNING"),
+        ):
+            ended = pad(place, *arguments)
+            assert ended.code == code, (arguments, ended)
+            assert words in ended.out + ended.err, (arguments, ended)
+        for snapshot in watcher.states():
+            # The observer comes near it within its time of 16 ms, and stays there.
+            if snapshot.flange_force[1] < -14.0:
+                break
+        later = watcher.wait_for_state()
+        assert later is not None
+        assert later.flange_force[1] == pytest.approx(-15.0, abs=1.5)

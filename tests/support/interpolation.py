@@ -44,7 +44,15 @@ def basis_of(robot: str = "lbr-iiwa-7-r800", *, cycle_ms: int = 1, dead_time_ms:
     description = load_description(robot)
     dead_time_ns = round(dead_time_ms * 1e6)
     flange = FlangeLimit(lambda _position, _velocity: 0.0)
-    return MotionBasis(description.limits, description.servo, cycle_ms * 1_000_000, dead_time_ns, dead_time_ns, flange)
+    return MotionBasis(
+        description.limits,
+        description.servo,
+        cycle_ms * 1_000_000,
+        dead_time_ns,
+        dead_time_ns,
+        flange,
+        axes_nearest=lambda _pose, near: near,
+    )
 
 
 def at(position: Seven = START) -> SetPoint:

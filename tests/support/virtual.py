@@ -19,6 +19,7 @@ from hil.values.link import Address, Source
 from hil.values.operator import PadKey, Press, SelectMode
 from hil.values.outcomes import Outcome
 from hil.values.robot import RobotDescription
+from hil.values.signals import Signal
 from transport.fri import FriCodec
 
 PEER = Address("127.0.0.1", 30200)
@@ -102,6 +103,7 @@ class Bench:
         safety: SafetySettings | None = None,
         cycle_ms: int = 1,
         fri: FriSettings | None = None,
+        signals: tuple[Signal, ...] = (),
     ) -> None:
         description = load_description(robot)
         self.description = description
@@ -113,6 +115,7 @@ class Bench:
             fri=fri or FriSettings(peer=PEER),
             safety=safety or SafetySettings(),
             enabled=enabled,
+            signals=signals,
         )
         self.backend.open(period_ns=self.settings.cycle_ns)
         self.codec = FriCodec(release)

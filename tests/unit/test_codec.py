@@ -205,12 +205,17 @@ def test_a_name_that_is_no_utf8_is_no_message(release: Release) -> None:
         CommandMessage,
         COUNTERS,
         COUNTERS,
-        st.one_of(st.none(), st.builds(lambda position: CommandData(position=position), vectors(7, 7))),
+        st.one_of(
+            st.none(),
+            st.builds(lambda position: CommandData(position=position), vectors(7, 7)),
+            st.builds(lambda position, torque: CommandData(position, torque=torque), vectors(7, 7), vectors(7, 7)),
+            st.builds(lambda position, wrench: CommandData(position, wrench=wrench), vectors(7, 7), vectors(6, 6)),
+        ),
         st.none(),
         COUNTERS,
     ),
     changes=st.lists(st.tuples(st.integers(0, 200), st.integers(0, 255)), max_size=3),
-    cut=st.one_of(st.none(), st.integers(0, 90)),
+    cut=st.one_of(st.none(), st.integers(0, 160)),
 )
 def test_the_usual_commands_are_read_as_protobuf_reads_them(
     message: CommandMessage, changes: list[tuple[int, int]], cut: int | None

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hil.core.controller import FRI_LINK
 from hil.core.events import PacketDropped
 from hil.core.settings import FriSettings
-from hil.values.fri import MAX_DATAGRAM_BYTES, Release, SessionState
+from hil.values.fri import MAX_DATAGRAM_BYTES, OverlayKind, Release, SessionState
 from hil.values.fri_messages import CommandData, CommandMessage, IOValue, MonitoringMessage, Vector
 from hil.values.link import Address, Source
 from hil.values.outcomes import Outcome
@@ -260,7 +260,7 @@ def test_torques_and_wrenches_are_not_taken_by_a_position_overlay() -> None:
 
 
 def test_not_finite_in_monitoring_is_counted_and_harmless() -> None:
-    bench = Bench(fri=FriSettings(peer=PEER, joint_position_overlay=False))
+    bench = Bench(fri=FriSettings(peer=PEER, overlay=OverlayKind.NONE))
     bench.run(2.0)
     inject_instead(bench, next_command(bench, lambda _: (math.nan,) * 7, ahead=1))
     assert bench.dropped(Outcome.NOT_FINITE) == 1

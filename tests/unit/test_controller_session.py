@@ -19,7 +19,7 @@ from hil.core.model import ArmModel
 from hil.core.motion.executive import MotionExecutive
 from hil.core.settings import FriSettings
 from hil.values.errors import IllegalTransition
-from hil.values.fri import TRAITS, OperationMode, Quality, Release, SessionState
+from hil.values.fri import TRAITS, OperationMode, OverlayKind, Quality, Release, SessionState
 from hil.values.fri_messages import CommandData, CommandMessage, MonitoringMessage
 from hil.values.motion import Fault
 from tests.support.motion import proposed
@@ -91,7 +91,7 @@ def test_without_a_client_the_session_waits_and_says_why() -> None:
 
 
 def test_without_an_overlay_it_stays_ready_and_says_why() -> None:
-    bench = Bench(fri=FriSettings(peer=PEER, joint_position_overlay=False))
+    bench = Bench(fri=FriSettings(peer=PEER, overlay=OverlayKind.NONE))
     bench.run(3.0)
     assert bench.state is SessionState.MONITORING_READY
     refused = [str(event) for event in bench.events if isinstance(event, TransitionRefused)]

@@ -24,7 +24,7 @@ from hil.runtime.pad_connection import BURST_REQUESTS, REQUEST_INTERVAL_NS, UNRE
 from hil.runtime.pad_requests import MAX_LINE_BYTES, BadRequest, PadRequest, read_request
 from hil.values.errors import BackendError, ConfigurationError
 from hil.values.fri import OperationMode
-from hil.values.operator import OperatorAction, PadKey, Press, SelectMode, SetOverride
+from hil.values.operator import OperatorAction, PadKey, Press, SelectMode, SetInput, SetOverride
 
 ENABLE, RELEASE, STOP = Press(PadKey.ENABLE), Press(PadKey.RELEASE), Press(PadKey.EMERGENCY_STOP)
 
@@ -123,6 +123,11 @@ async def happens(robot: Notes, action: OperatorAction) -> None:
         ('{"do": "mode", "mode": "T1"}', PadRequest(SelectMode(OperationMode.T1))),
         ('{"do": "override", "percent": 50}', PadRequest(SetOverride(50.0))),
         ('{"do": "override", "percent": 150}', PadRequest(SetOverride(150.0))),
+        ('{"do": "io", "name": "FRI.Count", "value": 7}', PadRequest(SetInput("FRI.Count", 7))),
+        (
+            '{"do": "io", "name": "FRI.Lamp", "value": true, "robot": "left"}',
+            PadRequest(SetInput("FRI.Lamp", True), robot="left"),
+        ),
         (' {"do": "status"} \r', PadRequest()),
         ('{"do": "watch"}', PadRequest(watch=True)),
     ],
@@ -140,7 +145,7 @@ def test_requests_are_read(text: str, request_: PadRequest) -> None:
         ("7", "a line is 7, no JSON object"),
         ("[" * 4000, "a line is no JSON object"),
         ("[" * 900 + "]" * 900, "no JSON object"),
-        ("{}", "there is no do; valid: enable, release, start, pause, estop, reset, mode, override, status, watch"),
+        ("{}", "there is no do; valid: enable, release, start, pause, estop, reset, mode, override, push, io, "),
         ('{"do": 3}', "do 3 is unknown; valid: enable"),
         ('{"do": ["enable"]}', "do a list is unknown; valid: enable"),
         ('{"do": "jump"}', 'do "jump" is unknown; valid: enable'),
@@ -154,6 +159,12 @@ def test_requests_are_read(text: str, request_: PadRequest) -> None:
         ('{"do": "override", "percent": true}', "percent true is no number"),
         ('{"do": "override", "percent": NaN}', "a line is no JSON object"),
         ('{"do": "override", "percent": ' + "9" * 4000 + "}", "is no number a computer has"),
+        ('{"do": "io"}', "name null is no text; valid: the Group.Name of an input"),
+        ('{"do": "io", "name": "FRI.Lamp", "value": "on"}', 'value "on" is neither a number nor true or false'),
+        (
+            '{"do": "io", "name": "FRI.Lamp", "percent": 1}',
+            'no key "percent" in do io; valid: do, robot, id, name, value',
+        ),
         ('{"do": "status", "robot": 1}', "robot 1 is no text"),
         ('{"do": "status", "id": 1.5}', "id 1.5 is neither a text nor a whole number"),
         ('{"do": "status", "id": true}', "id true is neither"),

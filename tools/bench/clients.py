@@ -3,15 +3,18 @@
 import math
 from collections.abc import Sequence
 from enum import StrEnum
-from typing import Protocol, TypeAlias
+from typing import Final, Protocol, TypeAlias
 
 from apps.fri_joint_sine import JointSine
-from hil.client.fri import ClientSession
-from hil.config.station import RobotConfig
+from apps.fri_torque_sine import TorqueSine
+from apps.fri_wrench_sine import WrenchSine
+from hil.client.fri import ClientSession, FriHandler
+from hil.config.control import ControlName
+from hil.config.station import FriConfig, RobotConfig
 from hil.core.controller import FRI_LINK, Controller
 from hil.core.servo.link import SERVO_LINK
 from hil.values.errors import ConfigurationError
-from hil.values.fri import Release, SessionState
+from hil.values.fri import OverlayKind, SessionState
 from hil.values.link import Address, Outgoing, Source
 from hil.values.motion import MotionKind, MotionParameters
 from hil.values.servo import (
@@ -58,15 +61,28 @@ def recorded_client(config: RobotConfig, motion: BenchMotion) -> RecordedClient:
     if motion is BenchMotion.FRI_OVERLAY:
         if config.fri is None:
             raise ConfigurationError("the FRI overlay needs an FRI link")
-        return _FriSine(config.fri.release)
+        return _FriSine(config.fri)
     return _ServoSine(MotionKind.SMART_SERVO if motion is BenchMotion.SMART_SERVO else MotionKind.DIRECT_SERVO)
 
 
-class _FriSine:
-    """The FRI joint sine; one answer a cycle."""
+OVERLAY_UNDER: Final = {
+    ControlName.POSITION: OverlayKind.JOINT_POSITION,
+    ControlName.JOINT_IMPEDANCE: OverlayKind.TORQUE,
+    ControlName.CARTESIAN_IMPEDANCE: OverlayKind.WRENCH,
+}
+"""What is laid over the hold under each control mode: what needs that mode."""
+_SINES: Final[dict[OverlayKind, type[FriHandler]]] = {
+    OverlayKind.JOINT_POSITION: JointSine,
+    OverlayKind.TORQUE: TorqueSine,
+    OverlayKind.WRENCH: WrenchSine,
+}
 
-    def __init__(self, release: Release) -> None:
-        self._session = ClientSession(release, JointSine())
+
+class _FriSine:
+    """The FRI sine of an overlay; one answer a cycle."""
+
+    def __init__(self, fri: FriConfig) -> None:
+        self._session = ClientSession(fri.release, _SINES[fri.overlay]())
 
     def answer(self, outgoing: Sequence[Outgoing]) -> Datagrams:
         answers = [self._session.receive(datagram.payload) for datagram in outgoing if datagram.link == FRI_LINK]

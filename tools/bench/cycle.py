@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from hil.config.control import ControlName
 from hil.config.station import RobotConfig
 from hil.core.controller import Controller
 from hil.runtime.assembly import RobotParts, make_controller, open_parts
@@ -52,6 +53,7 @@ class CycleReport:
     backend: str
     motion: str
     release: str | None
+    control: str
     cycles: int
     cycle: Distribution
     stages: dict[str, Distribution]
@@ -144,8 +146,9 @@ class _Loop:
 
 
 def _record(config: RobotConfig, client: RecordedClient, cycles: int) -> list[Datagrams]:
-    """Return what the client sends, cycle by cycle; the ideal arm will do, it changes nothing of that."""
-    parts = open_parts(config.model_copy(update={"backend": "ideal"}))
+    """Return what the client sends, cycle by cycle; the ideal arm will do for positions, it changes nothing of that."""
+    ideal = config.fri is None or config.fri.control.name_for(config.fri.overlay) is ControlName.POSITION
+    parts = open_parts(config.model_copy(update={"backend": "ideal"}) if ideal else config)
     recording: list[Datagrams] = [()]
     try:
         loop = _Loop(config, parts)
@@ -171,6 +174,7 @@ def bench_cycle(
         backend=config.backend,
         motion=motion.value,
         release=None if config.fri is None else config.fri.release.value,
+        control=(ControlName.POSITION if config.fri is None else config.fri.control.name_for(config.fri.overlay)).value,
         cycles=cycles,
         cycle=Distribution.of(whole),
         stages={name: Distribution.of(samples) for name, samples in stages.items() if samples},
@@ -241,6 +245,7 @@ def as_dict(report: CycleReport) -> dict[str, Any]:
         "backend": report.backend,
         "motion": report.motion,
         "release": report.release,
+        "control": report.control,
         "cycles": report.cycles,
         "cycle_us": _figures(report.cycle),
         "stages_us": {name: _figures(stage) for name, stage in report.stages.items()},

@@ -121,8 +121,8 @@ class Monitors:
         self._legal = set_point
         return None
 
-    def measured(self, state: ArmState, told: SetPoint, *, drives_hold: bool, now_ns: int) -> Trip | None:
-        """Check the measured state after ``told``, the set point of the cycle before.
+    def measured(self, state: ArmState, told: SetPoint | None, *, drives_hold: bool, now_ns: int) -> Trip | None:
+        """Check the measured state after ``told``, the set point of the cycle before; None: the arm yields.
 
         Without ``drives_hold`` nothing follows that set point, and only the state itself is looked at.
         """
@@ -131,7 +131,8 @@ class Monitors:
             return Trip(MonitorName.STATE, Fault(NOT_FINITE))
         name, fault = MonitorName.FRESH, self._fresh.check(state, now_ns)
         if fault is None and drives_hold:
-            name, fault = MonitorName.TRACKING, self._tracking.check(state, told, now_ns)
+            if told is not None:
+                name, fault = MonitorName.TRACKING, self._tracking.check(state, told, now_ns)
             if fault is None:
                 name, fault = MonitorName.AXIS_TORQUE, self._torque.check(state, now_ns)
         if fault is not None and (trip := self._tripped(name, fault, now_ns)) is not None:

@@ -9,14 +9,15 @@ from enum import StrEnum
 from typing import Final, NamedTuple
 
 from hil.core.state_table import StateTable
+from hil.values.arm import Push
 from hil.values.errors import OutOfRange
 from hil.values.fri import OperationMode, SafetyState
 from hil.values.motion import Fault
 from hil.values.operator import (
-    OperatorAction,
     OperatorView,
     PadKey,
     Press,
+    ProgramAction,
     ProgramState,
     SelectMode,
     StopCategory,
@@ -199,16 +200,20 @@ class Operator:
         return "" if self.may_move else f"{NOT_STARTED}: press start (hil pad start)"
 
 
-def describe(action: OperatorAction) -> str:
+def describe(action: ProgramAction) -> str:
     """Return what the operator did, in words."""
     if isinstance(action, Press):
         return f"pad: {action.key.value}"
     if isinstance(action, SelectMode):
         return f"pad: mode {action.mode.name}"
+    if isinstance(action, Push):
+        (fx, fy, fz), (mx, my, mz) = action.force_n, action.moment_nm
+        moment = f" and {mx:g}, {my:g}, {mz:g} Nm" if any(action.moment_nm) else ""
+        return f"pad: push link {action.link} with {fx:g}, {fy:g}, {fz:g} N{moment} for {action.duration_s:g} s"
     return f"pad: override {action.percent:g} %"
 
 
-def checked(action: OperatorAction) -> str:
+def checked(action: ProgramAction) -> str:
     """Return why ``action`` can never be done, or an empty text."""
     if isinstance(action, Press | SelectMode):
         return ""

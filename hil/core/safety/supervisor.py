@@ -14,17 +14,18 @@ from hil.core.model import ArmModel
 from hil.core.motion.executive import MotionExecutive, Phase
 from hil.core.motion.flange_limit import FlangeLimit
 from hil.core.motion.set_point import SetPoint
+from hil.core.pushes import Pusher
 from hil.core.safety.drives import Drives
 from hil.core.safety.margins import closest
 from hil.core.safety.monitors import PERMISSIVE, Monitors, Trip
 from hil.core.safety.operator import EMERGENCY_STOP, Operator, checked, describe
 from hil.core.safety.would_stop import WouldStopLog
 from hil.core.settings import ControllerSettings
-from hil.values.arm import ArmState, Backend
+from hil.values.arm import ArmState, Backend, Push
 from hil.values.errors import ConfigurationError
 from hil.values.fri import OperationMode
 from hil.values.motion import ErrorReason, Fault
-from hil.values.operator import OperatorAction, OperatorView, PadKey, Press, ProgramState, SelectMode, StopCategory
+from hil.values.operator import OperatorView, PadKey, Press, ProgramAction, ProgramState, SelectMode, StopCategory
 from hil.values.robot import JOINT_NAMES, JointLimits
 
 MAX_STOPS: Final = 1000
@@ -46,6 +47,7 @@ class Supervisor:
         limits: JointLimits,
         model: ArmModel,
         backend: Backend,
+        pusher: Pusher,
         motion: MotionExecutive,
         emit: Callable[[Event], None],
     ) -> None:
@@ -53,6 +55,7 @@ class Supervisor:
         if safety.permissive and backend.capabilities.moves_real_drives:
             raise ConfigurationError("permissive monitors only report, and this robot side moves real drives")
         self._motion = motion
+        self._pusher = pusher
         self._emit = emit
         self._operator = Operator(mode=settings.operation_mode, enabled=settings.enabled, permissive=safety.permissive)
         self._would_stop = WouldStopLog(emit)
@@ -92,7 +95,7 @@ class Supervisor:
         """Smallest margin of the run so far, in words."""
         return closest(self.monitors.report())
 
-    def operate(self, action: OperatorAction, *, commanding: bool, now_ns: int) -> str:
+    def operate(self, action: ProgramAction, *, commanding: bool, now_ns: int) -> str:
         """Do what the operator did; ``commanding``: an FRI client is. Return why that changes nothing, or nothing."""
         refusal = checked(action) or self._operate(action, commanding, now_ns)
         self._emit(OperatorActed(now_ns, describe(action), self._operator.view, refusal))
@@ -140,10 +143,13 @@ class Supervisor:
             return None
         return self.monitors.set_point(set_point, self._motion.set_point, now_ns=now_ns)
 
-    def check_measured(self, arm: ArmState, told: SetPoint, *, now_ns: int) -> None:
-        """Stop for what the measured state shows; ``told`` is the set point of the cycle before."""
+    def check_measured(self, arm: ArmState, told: SetPoint, *, yields: bool, now_ns: int) -> None:
+        """Stop for what the measured state shows; ``told`` is the set point of the cycle before.
+
+        An arm that ``yields`` need not be there.
+        """
         holds = self.drives.hold and not self.drives.dropped
-        trip = self.monitors.measured(arm, told, drives_hold=holds, now_ns=now_ns)
+        trip = self.monitors.measured(arm, None if yields else told, drives_hold=holds, now_ns=now_ns)
         if trip is not None:
             self.stop(trip.fault, now_ns, trip.category)
 
@@ -183,7 +189,7 @@ class Supervisor:
             "max_flange_speed_mm_s": self.monitors.max_flange_speed_mm_s,
         }
 
-    def _operate(self, action: OperatorAction, commanding: bool, now_ns: int) -> str:
+    def _operate(self, action: ProgramAction, commanding: bool, now_ns: int) -> str:
         operator = self._operator
         if isinstance(action, Press):
             if action.key is PadKey.RESET and operator.stop is not None and not self._stopped(operator.stop.category):
@@ -199,6 +205,8 @@ class Supervisor:
                 self._stopped_by_operator(fault, now_ns)
             self._turn_selector()
             return ""
+        if isinstance(action, Push):
+            return self._pusher.push(action)
         operator.set_override(action.percent)
         self._motion.set_override(action.percent / 100.0)
         return ""
@@ -222,7 +230,7 @@ class Supervisor:
     def _resume(self, arm: ArmState, now_ns: int) -> None:
         """Let motions go on, unless the arm was moved meanwhile."""
         motion = self._motion
-        if self._dropped_in_pause and motion.phase is Phase.APPLICATION:
+        if self._dropped_in_pause and motion.phase is Phase.APPLICATION and not motion.control.yields:
             wanted = motion.set_point.position_rad
             off = [here - there for here, there in zip(arm.position_rad, wanted, strict=True)]
             axis = max(range(len(off)), key=lambda place: abs(off[place]))
