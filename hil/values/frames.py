@@ -51,6 +51,12 @@ class Frame(NamedTuple):
         return self.kind in {FrameKind.FLANGE, FrameKind.TOOL, FrameKind.TOOL_FRAME}
 
 
+class _NoSuchFrame(UnknownName, KeyError):
+    """Also what a mapping raises, so that ``in`` and ``get`` are those of one."""
+
+    __str__ = Exception.__str__
+
+
 class FrameTree(Mapping[str, Frame]):
     """All frames of a robot, by name. Raises :class:`ConfigurationError` where they are no tree."""
 
@@ -68,7 +74,7 @@ class FrameTree(Mapping[str, Frame]):
         try:
             return self._frames[name]
         except KeyError:
-            raise UnknownName("frame", name, self._frames) from None
+            raise _NoSuchFrame("frame", name, self._frames) from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._frames)

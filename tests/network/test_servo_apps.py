@@ -71,6 +71,92 @@ def test_the_sample_moves_the_mujoco_arm_and_prints_the_manuals_statistics(name:
     assert robot["stops"] == []
 
 
+CELL = """
+[[robot]]
+model = "lbr-iiwa-7-r800"
+[robot.servo]
+[robot.base]
+z_mm = 800.0
+a_deg = 90.0
+[[robot.frame]]
+name = "table"
+x_mm = 500.0
+z_mm = 100.0
+a_deg = 30.0
+c_deg = 180.0
+[[robot.tool]]
+name = "gripper"
+z_mm = 45.0
+mass_kg = 1.5
+[[robot.tool.frame]]
+name = "tip"
+x_mm = 30.0
+z_mm = 150.0
+"""
+"""A station with a tool, a reference frame that is upside down and turned, and a base above the world."""
+
+
+@pytest.fixture
+def cell(tmp_path: Path) -> Path:
+    """The station file of the cell."""
+    file = tmp_path / "cell.toml"
+    file.write_text(CELL)
+    return file
+
+
+@pytest.mark.parametrize("name", ["smart_servo_cartesian", "direct_servo_cartesian"])
+@pytest.mark.parametrize(
+    ("in_cell", "frame", "reference", "along"),
+    [(False, "flange", "base", "z"), (True, "tip", "table", "y"), (True, "gripper", "world", "x")],
+)
+def test_the_cartesian_sample_moves_its_frame_and_draws_it(
+    name: str, in_cell: bool, frame: str, reference: str, along: str, cell: Path, tmp_path: Path
+) -> None:
+    picture, figures, status = tmp_path / "motion.png", tmp_path / "figures.json", tmp_path / "status.json"
+    station = (cell,) if in_cell else ()
+    with servo_controller(*station, "--status-json", status, backend="mujoco") as controller:
+        options = ("--seconds", 2, "--frequency", 0.5, "--along", along, "--plot", picture, "--json", figures)
+        frames = ("--frame", frame, "--reference", reference) if in_cell else ()
+        ended = finish(application(name, "--controller", controller.address, *options, *frames))
+        with ServoClient(controller.address, role=Role.OBSERVER) as observer:
+            assert ("table" in observer.frames) is in_cell
+    assert ended.code == 0, ended.err
+    assert re.search(f"^Statistic Timing of Overall Loop {STATISTICS}$", ended.out, re.MULTILINE), ended.out
+    assert re.search(f"^timing SetDestination {STATISTICS}$", ended.out, re.MULTILINE), ended.out
+    assert f"{along} of {frame} in {reference} moved by " in ended.out
+    assert picture.read_bytes().startswith(PNG)
+    found = json.loads(figures.read_text())
+    assert found["peak_m"] == pytest.approx(0.04, abs=0.004)
+    robot = json.loads(status.read_text())["robots"]
+    [arm] = robot.values()
+    assert arm["servo"]["motions_begun"] == 2
+    assert arm["servo"]["requests_refused"] == 0
+    assert arm["stops"] == []
+
+
+@pytest.mark.parametrize("name", ["smart_servo_cartesian", "direct_servo_cartesian"])
+def test_a_cartesian_sample_with_frames_that_do_not_fit_says_so_in_the_manuals_words(name: str, cell: Path) -> None:
+    on_flange = "frameOnFlange is not frame below or equal to the flange of this robot"
+    static = "base is not static relative to the base of this robot"
+    with servo_controller(cell) as controller:
+        for options, text, why in (
+            (("--frame", "table"), on_flange, "'table' stands still in the base"),
+            (("--frame", "grinder"), on_flange, "unknown frame 'grinder'; valid: world, base, flange, table, gripper"),
+            (("--reference", "tip"), static, "'tip' moves with the flange"),
+            (("--reference", "flange"), static, "'flange' moves with the flange"),
+        ):
+            ended = finish(application(name, "--controller", controller.address, "--seconds", 1, *options))
+            assert ended.code == 2
+            said, note = ended.err.strip().splitlines()
+            assert said == f"{name}: {text}"
+            assert why in note
+        wrong = finish(application(name, "--controller", controller.address, "--along", "a"))
+        assert wrong.code == 2
+        assert "'a' is no coordinate; valid: x, y, z" in re.sub(r"[\s│]+", " ", wrong.err)
+        with ServoClient(controller.address) as robot:
+            assert robot.read_state().motions == ()
+
+
 def test_a_sample_without_a_controller_says_what_to_check() -> None:
     ended = finish(application("smart_servo_joint_motion", "--controller", f"{own_host()}:30301"))
     assert ended.code == 2

@@ -11,6 +11,7 @@ import pytest
 
 from backends.base import InProcessBackend
 from hil.client.servo import AsyncServoClient, CommandInvalidException
+from hil.config.frames import FrameConfig, ToolConfig
 from hil.config.station import Mode, Reaction, ReactionConfig, RobotConfig, ServoConfig
 from hil.core.servo.link import SERVO_LINK
 from hil.runtime import robot_process
@@ -23,7 +24,11 @@ from tests.support.processes import own_host
 
 @asynccontextmanager
 async def serving(
-    *, mode: Mode = Mode.AUT, arm: Callable[[RobotDescription], InProcessBackend] | None = None
+    *,
+    mode: Mode = Mode.AUT,
+    arm: Callable[[RobotDescription], InProcessBackend] | None = None,
+    tools: tuple[ToolConfig, ...] = (),
+    frames: tuple[FrameConfig, ...] = (),
 ) -> AsyncIterator[RobotProcess]:
     """Run a controller in this event loop, enabled, with the ideal arm or another one."""
     config = RobotConfig(
@@ -32,6 +37,8 @@ async def serving(
         enabled=True,
         servo=ServoConfig(bind=f"{own_host()}:0"),
         reaction=ReactionConfig(profile=Reaction.IDEAL),
+        tool=tools,
+        frame=frames,
     )
 
     def with_arm(config: RobotConfig) -> RobotParts:
@@ -66,10 +73,14 @@ async def serving(
 
 @asynccontextmanager
 async def connected(
-    *, mode: Mode = Mode.AUT, arm: Callable[[RobotDescription], InProcessBackend] | None = None
+    *,
+    mode: Mode = Mode.AUT,
+    arm: Callable[[RobotDescription], InProcessBackend] | None = None,
+    tools: tuple[ToolConfig, ...] = (),
+    frames: tuple[FrameConfig, ...] = (),
 ) -> AsyncIterator[AsyncServoClient]:
     """Run a controller in this event loop and a client that is connected to it over UDP."""
-    async with serving(mode=mode, arm=arm) as process, application(process) as robot:
+    async with serving(mode=mode, arm=arm, tools=tools, frames=frames) as process, application(process) as robot:
         yield robot
 
 

@@ -77,6 +77,9 @@ def test_what_is_not_there_or_moves_is_said() -> None:
     tree = FrameTree([tool("gripper")])
     with pytest.raises(UnknownName, match="unknown frame 'tip'; valid: world, base, flange, gripper"):
         tree["tip"]
+    assert "gripper" in tree
+    assert "tip" not in tree
+    assert tree.get("tip") is None
     with pytest.raises(ConfigurationError, match="the frame 'gripper' moves with the flange"):
         tree.in_base("gripper")
     with pytest.raises(ConfigurationError, match="the frame 'base' does not move with the flange"):
