@@ -48,6 +48,8 @@ def check(file: Annotated[Path, typer.Argument(help="Station file to check.")]) 
             "limits": _limits(robot),
             "cycle": f"{robot.cycle_ms} ms, overrun {robot.overrun}",
         }
+        if robot.tool or robot.frame:
+            rows["frames"] = escape(_frames(robot))
         if robot.fri is not None and addresses.fri is not None:
             rows |= {
                 "FRI client": f"{addresses.fri.peer}, release {robot.fri.release}",
@@ -78,6 +80,12 @@ def _limits(robot: RobotConfig) -> str:
     tightened = ", ".join(sorted(robot.limits.model_fields_set))
     text = f"tightened: {tightened}" if tightened else "the robot's own"
     return f"{text}; PERMISSIVE: monitors only report" if robot.permissive else text
+
+
+def _frames(robot: RobotConfig) -> str:
+    tree = robot.frames()
+    moving = [name for name, frame in tree.items() if frame.moves]
+    return f"still: {', '.join(name for name in tree if name not in moving)}; moving: {', '.join(moving)}"
 
 
 @app.command()

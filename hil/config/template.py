@@ -52,4 +52,29 @@ overlay = "joint-position"    # none, joint-position, torque, wrench, cartesian-
 [robot.servo]                 # leave this section out for a robot without servo motions
 bind = "127.0.0.1:30300"      # where applications (hil.client.servo) connect to
 # key_file = "servo.key"      # pre-shared key; make one with: hil config key servo.key
+
+# Frames for Cartesian destinations, each in its parent: mm, and degrees A, B, C as Rz(A) Ry(B) Rx(C); default 0.
+# [robot.base]                # the robot base in the world
+# z_mm = 0.0
+
+# [[robot.frame]]             # a reference frame, which stands still; repeat for more
+# name = "table"
+# parent = "base"             # world, base, or a frame before this one
+# x_mm = 600.0
+# y_mm = 0.0
+# a_deg = 90.0
+# b_deg = 0.0
+# c_deg = 0.0
+
+# [[robot.tool]]              # a tool at the flange, and its load; repeat for more
+# name = "gripper"
+# z_mm = 45.0                 # where it is mounted, in the flange
+# mass_kg = 1.5
+# centre_mm = [0.0, 0.0, 40.0]  # of mass, in the tool
+# inertia_kg_m2 = [0.01, 0.01, 0.005, 0.0, 0.0, 0.0]  # about it: xx, yy, zz, xy, xz, yz
+
+# [[robot.tool.frame]]        # a frame of the tool above, such as its TCP; repeat for more
+# name = "tip"
+# parent = "gripper"          # the tool, or a frame of it before this one
+# z_mm = 150.0
 """

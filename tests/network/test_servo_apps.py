@@ -134,6 +134,17 @@ def test_the_cartesian_sample_moves_its_frame_and_draws_it(
     assert arm["stops"] == []
 
 
+def test_checking_a_station_names_its_frames(cell: Path) -> None:
+    ended = finish(hil("config", "check", cell))
+    assert ended.code == 0, ended.err
+    words = re.sub(r"[\s│]+", " ", ended.out)
+    assert "frames still: world, base, table; moving: flange, gripper, tip" in words
+    cell.write_text(CELL.replace('name = "tip"', 'name = "tip"\nparent = "table"'))
+    ended = finish(hil("config", "check", cell))
+    assert ended.code == 2
+    assert "the frame 'tip' (TOOL_FRAME) cannot hang below 'table' (REFERENCE)" in ended.err
+
+
 @pytest.mark.parametrize("name", ["smart_servo_cartesian", "direct_servo_cartesian"])
 def test_a_cartesian_sample_with_frames_that_do_not_fit_says_so_in_the_manuals_words(name: str, cell: Path) -> None:
     on_flange = "frameOnFlange is not frame below or equal to the flange of this robot"

@@ -55,8 +55,9 @@ def test_the_template_is_the_defaults_and_names_every_choice() -> None:
 
 
 def test_what_the_template_leaves_commented_is_valid_too() -> None:
-    text = re.sub(r"^# (\w+ = )", r"\1", TEMPLATE, flags=re.MULTILINE)
+    text = re.sub(r"^# (\w+ = |\[)", r"\1", TEMPLATE, flags=re.MULTILINE)
     written = parse_station(tomllib.loads(text), where="template")
+    assert list(written.robot[0].frames()) == ["world", "base", "flange", "table", "gripper", "tip"]
     limits = written.robot[0].limits
     assert limits.model_fields_set == set(LimitsConfig.model_fields)
     assert limits.tighten(load_description(written.robot[0].model)) == load_description(written.robot[0].model)
