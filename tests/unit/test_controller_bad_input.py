@@ -281,7 +281,7 @@ def test_drops_do_not_flood_the_events() -> None:
 
 
 @pytest.mark.parametrize("release", list(Release))
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_no_bytes_raise_or_move_the_arm_outside_its_limits(release: Release, data: st.DataObject) -> None:
     """Invariant: whatever bytes arrive from whomever, the core raises nothing and every command stays legal."""

@@ -514,7 +514,7 @@ def some(least: int, most: int) -> st.SearchStrategy[Vector | None]:
 
 
 @pytest.mark.parametrize("kind", [OverlayKind.TORQUE, OverlayKind.WRENCH, OverlayKind.CARTESIAN_POSE])
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_no_command_raises_or_leads_out_of_bounds(kind: OverlayKind, data: st.DataObject) -> None:
     """Invariant: whatever a client commands, the core raises nothing and what is added stays within its limits."""
