@@ -72,6 +72,7 @@ bind = "127.0.0.1:30300"      # where applications (hil.client.servo) connect to
 # mass_kg = 1.5
 # centre_mm = [0.0, 0.0, 40.0]  # of mass, in the tool
 # inertia_kg_m2 = [0.01, 0.01, 0.005, 0.0, 0.0, 0.0]  # about it: xx, yy, zz, xy, xz, yz
+# mounted = true              # hangs on the flange from the start; impedance control reckons with its load
 
 # [[robot.tool.frame]]        # a frame of the tool above, such as its TCP; repeat for more
 # name = "tip"
