@@ -51,13 +51,26 @@ def test_its_pictures_are_drawn_and_their_figures_are_those_of_the_page(
     for picture in re.findall(r"\]\((control-\w+\.png)\)", PAGE):
         assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
         assert (ROOT / "docs" / picture).exists()
+    page = " ".join(PAGE.split())
+    rests = [float(number) for number in re.findall(r"at rest at (\d+\.\d+) mm", said)]
+    assert rests == pytest.approx([float(number) for number in _figures(page, "ends at {}, {} and {} mm")], abs=0.02)
     wall, springs, felt = map(float, re.findall(r"-?(\d+\.\d+) N", said)[:3])
+    told = _figures(page, "pushes with {} N where springs in series say {} N, and {} N are estimated")
+    assert [wall, springs, felt] == pytest.approx([float(number) for number in told], abs=0.05)
     assert wall == pytest.approx(springs, rel=0.03)
     assert felt == pytest.approx(wall, abs=0.5)
     moved = re.search(r"the flange moves by ([+-]\d+\.\d+) mm", said)
     assert moved is not None
-    assert abs(float(moved[1])) < 0.2
+    assert abs(float(moved[1])) == pytest.approx(float(_figures(page, "the flange moves by {} mm")[0]), abs=0.02)
     overshoots = [int(number) for number in re.findall(r"overshoot (\d+) %", said)]
     assert overshoots == sorted(overshoots, reverse=True)
-    assert overshoots[0] > 10
+    told = _figures(page, "overshoots by {}, {} and {} %")
+    assert overshoots == pytest.approx([int(number) for number in told], abs=1)
     assert overshoots[-1] <= 1
+
+
+def _figures(page: str, sentence: str) -> tuple[str, ...]:
+    """Return the numbers the page has in a sentence."""
+    found = re.search(re.escape(sentence).replace(r"\{\}", r"(\d+(?:\.\d+)?)"), page)
+    assert found is not None, sentence
+    return found.groups()

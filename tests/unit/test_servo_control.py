@@ -152,7 +152,7 @@ def largest_step(torques: list[Seven]) -> float:
 
 @each_robot
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_a_force_deflects_the_flange_by_force_over_stiffness(robot: str, axis: int) -> None:
+def test_a_push_at_the_flange_deflects_the_controlled_arm(robot: str, axis: int) -> None:
     arm = Impedance(robot=robot)
     arm.start(CartesianImpedanceControlMode(by_translation(1000.0, 200.0)))
     before = arm.flange
