@@ -1,15 +1,14 @@
-"""What the FRI samples share: what they watch, how they run, what they print, and the plot."""
+"""What the sines over FRI share: what they watch, what they print, and what they draw."""
 
-import json
 import math
 from collections import Counter, deque
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final, NamedTuple
 
 import typer
 
+from apps._fri_client import Panel, Series, run_client, session_figures, speaker, write_json, write_plot
 from hil.client.fri import (
     ANY_HOST,
     CLIENT_PORT,
@@ -17,15 +16,16 @@ from hil.client.fri import (
     FriClient,
     FriHandler,
     FriState,
-    HilError,
-    NothingHeard,
     Release,
     SessionState,
     Vector,
 )
 
+FILTER: Final = 0.99
+"""Share of the old offset in the new one."""
 MOST_SAMPLES: Final = 200_000
 """Of a plot; the last ones are kept."""
+JOINTS: Final = ("A1", "A2", "A3", "A4", "A5", "A6", "A7")
 _POSES: Final = (Release.V2_5, Release.V2_7)
 _OVERLAYS: Final = {
     ClientCommandMode.JOINT_POSITION: "joint-position",
@@ -34,16 +34,6 @@ _OVERLAYS: Final = {
     ClientCommandMode.CARTESIAN_POSE: "cartesian-pose",
 }
 
-FriVersion = Annotated[Release, typer.Option(help="Release the controller speaks.")]
-Port = Annotated[int, typer.Option(help="Own UDP port.")]
-Bind = Annotated[str, typer.Option(metavar="ADDR", help="Own address; 0.0.0.0 is all of them.")]
-Host = Annotated[
-    str | None, typer.Option(metavar="HOST[:PORT]", help="Controller: hear no other. Default: whoever sends.")
-]
-Seconds = Annotated[float | None, typer.Option(min=0.0, help="End after so many seconds.")]
-JsonFile = Annotated[
-    Path | None, typer.Option("--json", metavar="FILE|-", help="Write the result; -: standard output.")
-]
 Plot = Annotated[Path | None, typer.Option(metavar="FILE.png", help="Draw what was laid over and what it did.")]
 
 
@@ -66,6 +56,24 @@ class Sine:
         if self._phase_rad >= 2 * math.pi:
             self._phase_rad -= 2 * math.pi
         return value
+
+
+class FadingSine(Sine):
+    """A sine whose share in the offset it gives grows with each message, so that it begins without a step."""
+
+    def __init__(self, amplitude: float, frequency_hz: float) -> None:
+        super().__init__(amplitude, frequency_hz)
+        self._offset = 0.0
+
+    def begin(self) -> None:
+        """Begin at 0 again, with no offset."""
+        super().begin()
+        self._offset = 0.0
+
+    def next(self, sample_time_s: float) -> float:
+        """Return the offset now, and go on by ``sample_time_s``."""
+        self._offset = self._offset * FILTER + super().next(sample_time_s) * (1.0 - FILTER)
+        return self._offset
 
 
 class Sample(NamedTuple):
@@ -164,11 +172,6 @@ class SampleHandler(FriHandler):
         return tuple(now - then for now, then in zip(place, first, strict=True))
 
 
-def speaker(json_file: Path | None) -> Callable[[str], None]:
-    """Return where lines for the reader go: beside the result, when that goes to standard output."""
-    return partial(typer.echo, err=json_file == Path("-"))
-
-
 def run_sample(
     name: str,
     handler: SampleHandler,
@@ -189,40 +192,26 @@ def run_sample(
     if plot is not None:
         handler.samples = deque(maxlen=MOST_SAMPLES)
     client = FriClient(handler, release=release, port=port, bind_host=bind, controller=host)
-    try:
-        with client:
-            say(f"FRI {release.value} client on {client.local}")
-            client.run(duration_s=seconds)
-    except KeyboardInterrupt:
-        say("interrupted")
-    except NothingHeard as error:
-        typer.echo(f"{name}: {error}", err=True)
-    except HilError as error:
-        typer.echo(f"{name}: {error}", err=True)
-        raise typer.Exit(2) from None
+    run_client(name, client, seconds=seconds, say=say)
     result = _result(client, handler)
     say(_summary(result))
     if plot is not None and handler.samples:
-        _plot(handler, release, name, plot)
+        write_plot(name, plot, f"{name}, FRI {release.value}", *_panels(handler, release))
         say(f"wrote {plot}")
     if json_file is not None:
-        _write(name, json_file, result)
+        write_json(name, json_file, result)
     raise typer.Exit(0 if result["received"] else 1)
 
 
 def _result(client: FriClient, handler: SampleHandler) -> dict[str, Any]:
-    session = client.session
     result = {
-        "release": session.release.value,
-        "received": session.received,
-        "answers": session.answered,
-        "malformed": {outcome.value: count for outcome, count in session.malformed.items()},
+        **session_figures(client),
         "states": dict(handler.states),
         "peak_excursion_rad": handler.peak_excursion_rad,
         "first_position": handler.first_position_rad,
         "last_position": handler.last_position_rad,
     }
-    if session.release in _POSES and handler.mode is not ClientCommandMode.JOINT_POSITION:
+    if client.session.release in _POSES and handler.mode is not ClientCommandMode.JOINT_POSITION:
         result["peak_excursion_mm"] = handler.peak_excursion_mm
     return result
 
@@ -244,39 +233,13 @@ def _summary(result: dict[str, Any]) -> str:
     )
 
 
-def _write(name: str, file: Path, result: dict[str, Any]) -> None:
-    text = json.dumps(result)
-    if file == Path("-"):
-        typer.echo(text)
-    else:
-        try:
-            file.write_text(f"{text}\n", encoding="utf-8")
-        except OSError as error:
-            typer.echo(f"{name}: cannot write {file}: {error.strerror}", err=True)
-            raise typer.Exit(2) from None
-
-
-def _plot(handler: SampleHandler, release: Release, name: str, picture: Path) -> None:
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
-
+def _panels(handler: SampleHandler, release: Release) -> tuple[list[float], tuple[Panel, Panel]]:
+    """Return the times, and the diagrams of what was laid over and of where that has taken the arm."""
     samples = list(handler.samples or ())
-    at_s = [sample.at_s - samples[0].at_s for sample in samples]
-    figure, (over, moved) = plt.subplots(2, 1, figsize=(10, 6), sharex=True, layout="constrained")
-    figure.suptitle(f"{name}, FRI {release.value}")
-    over.step(at_s, [sample.laid for sample in samples], where="post", color="#12304f", linewidth=1.0)
-    over.set_ylabel(handler.laid)
-    poses = release in _POSES
-    for place in range(len(samples[0].excursion)):
-        label = "xyz"[place] if poses else f"A{place + 1}"
-        moved.plot(at_s, [sample.excursion[place] for sample in samples], label=label, linewidth=1.0)
-    moved.set_ylabel(f"measured {'flange, mm' if poses else 'axes, degrees'}\nfrom the first position")
-    moved.set_xlabel("time of the controller, s")
-    moved.legend(frameon=False, ncols=7, loc="upper center", bbox_to_anchor=(0.5, 1.12))
-    for panel in (over, moved):
-        panel.grid(alpha=0.3)
-        panel.margins(x=0.005)
-    figure.savefig(picture, dpi=110)
-    plt.close(figure)
+    names = "xyz" if release in _POSES else JOINTS
+    what = "flange, mm" if release in _POSES else "axes, degrees"
+    moved = [Series(name, [sample.excursion[place] for sample in samples]) for place, name in enumerate(names)]
+    return [sample.at_s - samples[0].at_s for sample in samples], (
+        Panel(handler.laid, (Series("laid over", [sample.laid for sample in samples]),), steps=True),
+        Panel(f"measured {what}\nfrom the first position", moved),
+    )

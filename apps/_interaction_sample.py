@@ -2,12 +2,16 @@
 
 import json
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
-from apps._servo_sample import START_DEG
+import typer
+
+from apps._servo_sample import START_DEG, run_app, save_figure
 from hil.client.servo import (
     PTP,
     CartesianImpedanceControlMode,
@@ -32,6 +36,7 @@ ROTATIONAL_NM_RAD: Final = 150.0
 MOST_DEVIATION_MM: Final = 80.0
 JOINT_NM_RAD: Final = 800.0
 
+Plot = Annotated[Path | None, typer.Option(metavar="FILE.png", help="Draw deflection, stiffness, force.")]
 Motion = SmartServo | DirectServo
 Runtime = SmartServoRuntime | DirectServoRuntime
 
@@ -70,7 +75,7 @@ def stiff(stiffness_n_m: float) -> CartesianImpedanceControlMode:
     )
 
 
-def run_interaction(make: Callable[[], Motion], plan: Plan, say: Callable[[str], None]) -> Interaction:
+def _run(make: Callable[[], Motion], plan: Plan, say: Callable[[str], None]) -> Interaction:
     """Validate, begin soft, become stiffer by steps while somebody pushes, end under joint impedance."""
     key = None if plan.key_file is None else load_key(plan.key_file)
     with ServoClient(plan.controller, name="interaction control", key=key, state_period_ms=2) as robot:
@@ -140,7 +145,7 @@ def _note(runtime: Runtime, run: Interaction, began_ns: int, x_m: float, stiffne
     run.force_n.append(runtime.get_ext_force_vector()[0])
 
 
-def finish_interaction(
+def _finish(
     run: Interaction, plan: Plan, *, title: str, plot: Path | None, json_file: Path | None, say: Callable[[str], None]
 ) -> None:
     """Write the picture and the figures where they were asked for."""
@@ -176,8 +181,33 @@ def _plot(run: Interaction, plan: Plan, title: str, picture: Path) -> None:
     force.plot(run.at_s, run.force_n, color="#8a3324", linewidth=0.9)
     force.set_ylabel("estimated\nforce, N")
     force.set_xlabel("time of the controller, s")
-    for panel in (off, stiffness, force):
-        panel.grid(color="#e6eaef", linewidth=0.8)
-        panel.spines[["top", "right"]].set_visible(False)
-    figure.savefig(picture, dpi=110)
-    plt.close(figure)
+    save_figure(figure, (off, stiffness, force), picture)
+
+
+def interaction_app(name: str, make: type[SmartServo] | type[DirectServo]) -> Callable[..., None]:
+    """Return the command line of a sample: ``name`` is its module, ``make`` the kind of its motions."""
+    kind = make.__name__
+
+    def main(
+        controller: Annotated[str, typer.Option(metavar="HOST[:PORT]", help="Where hil run serves.")] = (
+            "127.0.0.1:30300"
+        ),
+        *,
+        key: Annotated[Path | None, typer.Option(metavar="FILE", help="Pre-shared key of the servo link.")] = None,
+        frame: Annotated[str, typer.Option(metavar="NAME", help="Frame to move: the flange, or one on it.")] = "flange",
+        seconds: Annotated[float, typer.Option(min=0.4, max=60.0, help="Length under Cartesian impedance.")] = 8.0,
+        push: Annotated[float, typer.Option(metavar="N", help="Push the simulated flange along x; 0: do not.")] = 15.0,
+        plot: Plot = None,
+        json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the figures.")] = None,
+    ) -> None:
+        def action() -> None:
+            plan = Plan(controller, key, frame, seconds, push)
+            say = partial(print, file=sys.stdout, flush=True)
+            run = _run(make, plan, say)
+            title = f"{kind} under Cartesian impedance, pushed with {push:g} N"
+            _finish(run, plan, title=title, plot=plot, json_file=json_file, say=say)
+
+        run_app(name, action)
+
+    main.__doc__ = f"Let a {kind} give way to a push, less and less."
+    return main

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Protocol, TypeAlias
@@ -278,7 +278,14 @@ def _plot(recording: Recording, course: Course, title: str, picture: Path) -> No
     lag.set_ylabel(f"minus measured,\n{course.unit}")
     lag.legend(frameon=False, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 0.97), fontsize="small")
     lag.set_xlabel("time of the controller, s")
-    for panel in (motion, lag):
+    save_figure(figure, (motion, lag), picture)
+
+
+def save_figure(figure: Any, panels: Sequence[Any], picture: Path) -> None:
+    """Give the panels of a matplotlib figure their grid, write it, and close it."""
+    from matplotlib import pyplot as plt
+
+    for panel in panels:
         panel.grid(alpha=0.3)
         panel.margins(x=0.005)
     figure.savefig(picture, dpi=110)

@@ -6,27 +6,13 @@ The controller must run a Cartesian pose overlay:
 
 from collections.abc import Callable
 from enum import StrEnum
-from typing import Annotated, Final
+from typing import Annotated
 
 import typer
 
-from apps._fri_sample import (
-    Bind,
-    FriVersion,
-    Host,
-    JsonFile,
-    Plot,
-    Port,
-    SampleHandler,
-    Seconds,
-    Sine,
-    run_sample,
-    speaker,
-)
+from apps._fri_client import Bind, FriVersion, Host, JsonFile, Port, Seconds, speaker
+from apps._fri_sample import FadingSine, Plot, SampleHandler, run_sample
 from hil.client.fri import ANY_HOST, CLIENT_PORT, ClientCommandMode, Command, FriState, Release
-
-FILTER: Final = 0.99
-"""Share of the old offset in the new one: lets the sine fade in."""
 
 
 class Along(StrEnum):
@@ -51,13 +37,11 @@ class CartesianPoseSine(SampleHandler):
     ) -> None:
         super().__init__(ClientCommandMode.CARTESIAN_POSE, laid=f"offset along {along}, mm", say=say)
         self._place = list(Along).index(along)
-        self._sine = Sine(amplitude_mm, frequency_hz)
-        self._elbow = Sine(e1_amplitude_rad, frequency_hz) if e1_amplitude_rad else None
-        self._offset_mm = self._offset_rad = 0.0
+        self._sine = FadingSine(amplitude_mm, frequency_hz)
+        self._elbow = FadingSine(e1_amplitude_rad, frequency_hz) if e1_amplitude_rad else None
 
     def begin(self) -> None:
         """Begin a new motion from rest."""
-        self._offset_mm = self._offset_rad = 0.0
         self._sine.begin()
         if self._elbow is not None:
             self._elbow.begin()
@@ -66,14 +50,14 @@ class CartesianPoseSine(SampleHandler):
         """Return the interpolator pose with the sine laid over it; without a sine of its own, E1 is left out."""
         if not self.commands(state):
             return None
-        self._offset_mm = self._offset_mm * FILTER + self._sine.next(state.sample_time_s) * (1.0 - FILTER)
-        self.note(state, self._offset_mm)
+        offset_mm = self._sine.next(state.sample_time_s)
+        self.note(state, offset_mm)
         pose = list(state.interpolator_pose)
-        pose[self._place] += self._offset_mm
+        pose[self._place] += offset_mm
         if self._elbow is None:
             return Command(pose=tuple(pose))
-        self._offset_rad = self._offset_rad * FILTER + self._elbow.next(state.sample_time_s) * (1.0 - FILTER)
-        return Command(pose=tuple(pose), e1_rad=state.interpolator_redundancy.value + self._offset_rad)
+        offset_rad = self._elbow.next(state.sample_time_s)
+        return Command(pose=tuple(pose), e1_rad=state.interpolator_redundancy.value + offset_rad)
 
 
 def main(  # noqa: PLR0917  # typer makes the options of the parameters; nobody calls this with positions

@@ -8,13 +8,26 @@ defines the three (README, "Inputs, outputs and transformations").
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final
 
 import typer
 
-from apps._fri_periphery import Panel, SampleTimes, Series, run_client, session_figures, write_json, write_plot
+from apps._fri_client import (
+    Bind,
+    Host,
+    JsonFile,
+    Panel,
+    Port,
+    SampleTimes,
+    Seconds,
+    Series,
+    run_client,
+    session_figures,
+    speaker,
+    write_json,
+    write_plot,
+)
 from hil.client.fri import ANY_HOST, CLIENT_PORT, Command, FriClient, FriHandler, FriState, Release, SessionState
 
 CLOCK_ENABLED: Final = "FRI.In_Bool_Clock_Enabled"
@@ -80,23 +93,18 @@ class Clock(FriHandler):
 
 def main(  # noqa: PLR0917  # typer makes the options of the parameters; nobody calls this with positions
     fri_version: Annotated[Release, typer.Option(help="Release the controller speaks, 1.14 at least.")] = Release.V1_15,
-    port: Annotated[int, typer.Option(help="Own UDP port.")] = CLIENT_PORT,
-    bind: Annotated[str, typer.Option(metavar="ADDR", help="Own address; 0.0.0.0 is all of them.")] = ANY_HOST,
-    host: Annotated[
-        str | None, typer.Option(metavar="HOST[:PORT]", help="Controller: hear no other. Default: whoever sends.")
-    ] = None,
-    seconds: Annotated[float | None, typer.Option(min=0.0, help="End after so many seconds.")] = None,
+    port: Port = CLIENT_PORT,
+    bind: Bind = ANY_HOST,
+    host: Host = None,
+    seconds: Seconds = None,
     plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the values over time.")] = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE|-", help="Write the result; -: standard output.")
-    ] = None,
+    json_file: JsonFile = None,
 ) -> None:
     """Count time on two outputs while an input is on. Ctrl-C ends it with the summary.
 
     Exit code 1 when no controller was heard, 2 for arguments, a port or inputs and outputs that cannot be used.
     """
-    # With the result on standard output, everything for the reader goes beside it.
-    say = partial(typer.echo, err=json_file == Path("-"))
+    say = speaker(json_file)
     handler = Clock(say=say)
     client = FriClient(handler, release=fri_version, port=port, bind_host=bind, controller=host)
     run_client("fri_io", client, seconds=seconds, say=say)

@@ -5,27 +5,13 @@ It computes what the vendor's joint sine example computes, operation for operati
 
 import math
 from collections.abc import Callable
-from typing import Annotated, Final
+from typing import Annotated
 
 import typer
 
-from apps._fri_sample import (
-    Bind,
-    FriVersion,
-    Host,
-    JsonFile,
-    Plot,
-    Port,
-    SampleHandler,
-    Seconds,
-    Sine,
-    run_sample,
-    speaker,
-)
+from apps._fri_client import Bind, FriVersion, Host, JsonFile, Port, Seconds, speaker
+from apps._fri_sample import FadingSine, Plot, SampleHandler, run_sample
 from hil.client.fri import ANY_HOST, CLIENT_PORT, ClientCommandMode, Command, FriState, Release
-
-FILTER: Final = 0.99
-"""Share of the old offset in the new one: lets the sine fade in."""
 
 
 class JointSine(SampleHandler):
@@ -44,25 +30,22 @@ class JointSine(SampleHandler):
         say: Callable[[str], None] | None = None,
     ) -> None:
         super().__init__(ClientCommandMode.JOINT_POSITION, laid="joint offset, degrees", say=say)
-        self._sine = Sine(amplitude_rad, frequency_hz)
+        self._sine = FadingSine(amplitude_rad, frequency_hz)
         self._moved = frozenset(joint - 1 for joint in joints)
-        self._offset_rad = 0.0
 
     def begin(self) -> None:
         """Begin a new motion from rest."""
-        self._offset_rad = 0.0
         self._sine.begin()
 
     def command(self, state: FriState) -> Command | None:
         """Return the interpolator position with the sine laid over it."""
         if not self.commands(state):
             return None
-        swing_rad = self._sine.next(state.sample_time_s)
-        self._offset_rad = self._offset_rad * FILTER + swing_rad * (1.0 - FILTER)
-        self.note(state, math.degrees(self._offset_rad))
+        offset_rad = self._sine.next(state.sample_time_s)
+        self.note(state, math.degrees(offset_rad))
         return Command(
             joint_position_rad=tuple(
-                position + self._offset_rad if joint in self._moved else position
+                position + offset_rad if joint in self._moved else position
                 for joint, position in enumerate(state.interpolator_position_rad)
             )
         )

@@ -9,19 +9,8 @@ from typing import Annotated
 
 import typer
 
-from apps._fri_sample import (
-    Bind,
-    FriVersion,
-    Host,
-    JsonFile,
-    Plot,
-    Port,
-    SampleHandler,
-    Seconds,
-    Sine,
-    run_sample,
-    speaker,
-)
+from apps._fri_client import Bind, FriVersion, Host, JsonFile, Port, Seconds, speaker
+from apps._fri_sample import Plot, SampleHandler, Sine, run_sample
 from hil.client.fri import ANY_HOST, CLIENT_PORT, ClientCommandMode, Command, FriState, Release
 
 

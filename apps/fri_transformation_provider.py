@@ -7,13 +7,27 @@ transformations"). The arm is left where it is.
 
 from collections import Counter
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final
 
 import typer
 
-from apps._fri_periphery import Panel, SampleTimes, Series, run_client, session_figures, write_json, write_plot
+from apps._fri_client import (
+    Bind,
+    FriVersion,
+    Host,
+    JsonFile,
+    Panel,
+    Port,
+    SampleTimes,
+    Seconds,
+    Series,
+    run_client,
+    session_figures,
+    speaker,
+    write_json,
+    write_plot,
+)
 from hil.client.fri import (
     ANY_HOST,
     CLIENT_PORT,
@@ -80,24 +94,19 @@ class Provider(FriHandler):
 
 
 def main(  # noqa: PLR0917  # typer makes the options of the parameters; nobody calls this with positions
-    fri_version: Annotated[Release, typer.Option(help="Release the controller speaks.")] = Release.V1_15,
-    port: Annotated[int, typer.Option(help="Own UDP port.")] = CLIENT_PORT,
-    bind: Annotated[str, typer.Option(metavar="ADDR", help="Own address; 0.0.0.0 is all of them.")] = ANY_HOST,
-    host: Annotated[
-        str | None, typer.Option(metavar="HOST[:PORT]", help="Controller: hear no other. Default: whoever sends.")
-    ] = None,
-    seconds: Annotated[float | None, typer.Option(min=0.0, help="End after so many seconds.")] = None,
+    fri_version: FriVersion = Release.V1_15,
+    port: Port = CLIENT_PORT,
+    bind: Bind = ANY_HOST,
+    host: Host = None,
+    seconds: Seconds = None,
     plot: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw what was provided over time.")] = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE|-", help="Write the result; -: standard output.")
-    ] = None,
+    json_file: JsonFile = None,
 ) -> None:
     """Provide the transformations the controller asks for. Ctrl-C ends it with the summary.
 
     Exit code 1 when no controller was heard or none was asked for, 2 for arguments or a port that cannot be used.
     """
-    # With the result on standard output, everything for the reader goes beside it.
-    say = partial(typer.echo, err=json_file == Path("-"))
+    say = speaker(json_file)
     handler = Provider(say=say)
     client = FriClient(handler, release=fri_version, port=port, bind_host=bind, controller=host)
     run_client("fri_transformation_provider", client, seconds=seconds, say=say)

@@ -1,16 +1,29 @@
-"""What the FRI samples share: running the client, its ends in words, the figures and the picture."""
+"""What all FRI samples share: options, running the client, its ends in words, the figures and the picture."""
 
 import json
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Annotated, Any, Final, NamedTuple
 
 import typer
 
-from hil.client.fri import FriClient, FriState, HilError, NothingHeard
+from hil.client.fri import FriClient, FriState, HilError, NothingHeard, Release
 
 MAX_SAMPLES: Final = 1_000_000
 """What a picture holds: the first quarter of an hour at 1 kHz."""
+
+
+FriVersion = Annotated[Release, typer.Option(help="Release the controller speaks.")]
+Port = Annotated[int, typer.Option(help="Own UDP port.")]
+Bind = Annotated[str, typer.Option(metavar="ADDR", help="Own address; 0.0.0.0 is all of them.")]
+Host = Annotated[
+    str | None, typer.Option(metavar="HOST[:PORT]", help="Controller: hear no other. Default: whoever sends.")
+]
+Seconds = Annotated[float | None, typer.Option(min=0.0, help="End after so many seconds.")]
+JsonFile = Annotated[
+    Path | None, typer.Option("--json", metavar="FILE|-", help="Write the result; -: standard output.")
+]
 
 
 class Series(NamedTuple):
@@ -45,6 +58,11 @@ class SampleTimes:
             self._first_ns = now_ns
         self.at_s.append((now_ns - self._first_ns) * 1e-9)
         return True
+
+
+def speaker(json_file: Path | None) -> Callable[[str], None]:
+    """Return where lines for the reader go: beside the result, when that goes to standard output."""
+    return partial(typer.echo, err=json_file == Path("-"))
 
 
 def run_client(name: str, client: FriClient, *, seconds: float | None, say: Callable[[str], None]) -> None:
@@ -107,7 +125,7 @@ def write_plot(name: str, picture: Path, title: str, at_s: Sequence[float], pane
         axis.grid(alpha=0.3)
         axis.margins(x=0.005)
         if panel.series:
-            axis.legend(frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 0.98), fontsize="small")
+            axis.legend(frameon=False, ncols=7, loc="lower center", bbox_to_anchor=(0.5, 0.98), fontsize="small")
     axes[-1, 0].set_xlabel("time of the controller, s")
     try:
         figure.savefig(picture, dpi=110)
