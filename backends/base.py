@@ -110,8 +110,6 @@ class InProcessBackend(ABC):
     def push(self, push: Push) -> None:
         """Push the arm from the next step on; raise :class:`BackendError` where nothing can."""
         period_ns = self._require_open("push")
-        if not self.capabilities.can_be_pushed:
-            raise BackendError(f"{type(self).__name__} cannot be pushed")
         self._push(push, math.ceil(push.duration_s * 1e9 / period_ns))
 
     def close(self) -> None:
@@ -152,9 +150,9 @@ class InProcessBackend(ABC):
     def _release_brakes(self) -> None:
         """From the next step on the drives hold the newest command, or the one that comes before that step."""
 
-    def _push(self, push: Push, steps: int, /) -> None:
-        """Only a backend that can be pushed has more to do here."""
-        raise NotImplementedError
+    def _push(self, _push_told: Push, _steps: int, /) -> None:
+        """Refuse, unless a backend can be pushed."""
+        raise BackendError(f"{type(self).__name__} cannot be pushed")
 
     def _close(self) -> None:
         """Nothing to release unless a backend says so."""

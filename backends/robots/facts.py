@@ -8,9 +8,8 @@ SI units; tuples of seven run from A1 to A7.
 import math
 from dataclasses import dataclass, replace
 
-from hil.values.robot import JointLimits, RobotDescription, ServoDynamics, Seven
+from hil.values.robot import JointLimits, RobotDescription, ServoDynamics, Seven, Three
 
-Three = tuple[float, float, float]
 Four = tuple[float, float, float, float]
 
 

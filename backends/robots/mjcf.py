@@ -7,9 +7,9 @@ elements alone: geoms weigh nothing, collide with nothing, and are there to be l
 
 from xml.etree import ElementTree as ET
 
-from backends.robots.facts import GRAVITY_M_S2, JOINT_AXES, LinkInertia, RobotFacts, Three
+from backends.robots.facts import GRAVITY_M_S2, JOINT_AXES, LinkInertia, RobotFacts
 from backends.robots.shells import Mesh, Side, carried_shell, pedestal, rising_shell
-from hil.values.robot import JOINT_COUNT, JOINT_NAMES
+from hil.values.robot import JOINT_COUNT, JOINT_NAMES, Three
 
 TIMESTEP_S = 0.001
 """The shortest send period of FRI (facts 6.1)."""

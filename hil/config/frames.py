@@ -53,11 +53,9 @@ class LoadConfig(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     mass_kg: Annotated[float, Field(ge=0.0, description="mass, kg")] = 0.0
-    centre_mm: Annotated[tuple[float, float, float], Field(description="centre of mass in the flange, millimetres")] = (
-        0.0,
-        0.0,
-        0.0,
-    )
+    centre_mm: Annotated[
+        Three, Field(description="centre of mass in the flange, or in the tool's frame, millimetres")
+    ] = (0.0, 0.0, 0.0)
     inertia_kg_m2: Annotated[
         tuple[float, float, float, float, float, float],
         Field(description="about the centre of mass: xx, yy, zz, xy, xz, yz, kg m2"),
@@ -65,34 +63,18 @@ class LoadConfig(BaseModel):
 
     def load(self) -> Load:
         """Return it in SI units; raise :class:`ConfigurationError` for an inertia no body has."""
-        return _load(self.mass_kg, self.centre_mm, self.inertia_kg_m2)
+        x, y, z = self.centre_mm
+        return Load(self.mass_kg, (x * _MM, y * _MM, z * _MM), self.inertia_kg_m2[:3], self.inertia_kg_m2[3:])
 
 
-class ToolConfig(PoseConfig):
+class ToolConfig(PoseConfig, LoadConfig):
     """``[[robot.tool]]``: a tool, by its pose in the flange, with its frames and its load."""
 
     name: Annotated[str, Field(description="name of the tool, and of the frame it is mounted at")]
-    mass_kg: Annotated[float, Field(ge=0.0, description="mass, kg")] = 0.0
-    centre_mm: Annotated[
-        tuple[float, float, float], Field(description="centre of mass in the tool's frame, millimetres")
-    ] = (0.0, 0.0, 0.0)
-    inertia_kg_m2: Annotated[
-        tuple[float, float, float, float, float, float],
-        Field(description="about the centre of mass: xx, yy, zz, xy, xz, yz, kg m2"),
-    ] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     mounted: Annotated[
         bool, Field(strict=True, description="whether it is at the flange from the start; one tool at most")
     ] = False
     frame: Annotated[tuple[ToolFrameConfig, ...], Field(description="frames of the tool")] = ()
-
-    def load(self) -> Load:
-        """Return its load; raise :class:`ConfigurationError` for an inertia no body has."""
-        return _load(self.mass_kg, self.centre_mm, self.inertia_kg_m2)
-
-
-def _load(mass_kg: float, centre_mm: Three, inertia_kg_m2: tuple[float, float, float, float, float, float]) -> Load:
-    x, y, z = centre_mm
-    return Load(mass_kg, (x * _MM, y * _MM, z * _MM), inertia_kg_m2[:3], inertia_kg_m2[3:])
 
 
 def frame_tree(*, base: PoseConfig, tools: tuple[ToolConfig, ...], frames: tuple[FrameConfig, ...]) -> FrameTree:

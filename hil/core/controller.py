@@ -18,6 +18,7 @@ from hil.core.fri.outputs import ClientOutputs
 from hil.core.fri.overlay_gate import OverlayGate
 from hil.core.fri.transformations import RequestedTransformations
 from hil.core.kinematics.redundancy import nearest
+from hil.core.kinematics.srs import SrsKinematics
 from hil.core.model import ArmModel
 from hil.core.motion.application_motion import MotionBasis
 from hil.core.motion.executive import MotionExecutive, Phase
@@ -84,8 +85,9 @@ class Controller:
             emit=self._events.append,
         )
         self._signals = SignalTable(settings.signals)
-        self._fri = self._make_fri(codec, description, model)
-        self._servo = self._make_servo(servo_codec, description, model)
+        kinematics = model.kinematics(description.limits)
+        self._fri = self._make_fri(codec, description, model, kinematics)
+        self._servo = self._make_servo(servo_codec, description, kinematics)
         self._safety.end_overlay = self._end_overlay
         self._before: SetPoint = self._motion.set_point
         self._closing = False
@@ -231,7 +233,11 @@ class Controller:
         return self._motion
 
     def _make_fri(
-        self, codec: ControllerCodec | None, description: RobotDescription, model: ArmModel
+        self,
+        codec: ControllerCodec | None,
+        description: RobotDescription,
+        model: ArmModel,
+        kinematics: SrsKinematics,
     ) -> FriLink | None:
         settings = self._settings
         if settings.fri is None:
@@ -243,7 +249,6 @@ class Controller:
         )
         settings.fri.check_release(codec.release)
         settings.fri.check_robot_side(takes_torque=self._backend.capabilities.takes_torque)
-        kinematics = model.kinematics(description.limits)
         validation = LoadValidation(dynamics=self._control.dynamics, kinematics=kinematics, limits=description.limits)
         return FriLink(
             settings=settings.fri,
@@ -271,14 +276,13 @@ class Controller:
         )
 
     def _make_servo(
-        self, codec: ServoControllerCodec | None, description: RobotDescription, model: ArmModel
+        self, codec: ServoControllerCodec | None, description: RobotDescription, kinematics: SrsKinematics
     ) -> ServoLink | None:
         settings = self._settings
         if settings.servo is None:
             return None
         if codec is None:
             raise ConfigurationError("a servo link needs its codec")
-        kinematics = model.kinematics(description.limits)
         basis = MotionBasis(
             limits=description.limits,
             servo=description.servo,

@@ -6,11 +6,11 @@ An arm that is to yield needs a load that is true, so the controller validates i
 
 from typing import Final
 
-from hil.core.control.load_validation import SINGULAR_RAD, LoadValidation
+from hil.core.control.load_validation import LoadValidation
+from hil.core.control.singular_start import singular_start
 from hil.core.kinematics.srs import SrsKinematics
 from hil.values.arm import ArmState
 from hil.values.control import ControlSetup
-from hil.values.fri import ControlMode
 
 RETRY_NS: Final = 100_000_000
 """How long a refusal stands before the arm is looked at again. Ours."""
@@ -45,8 +45,7 @@ class OverlayGate:
         load = self.setup.load
         if not self._validation.holds(load) and (reason := self._validation.validate(load, arm)):
             return f"the load of {load.mass_kg:g} kg could not be validated for impedance control: {reason}"
-        if self.setup.kind is ControlMode.CARTESIAN_IMPEDANCE:
-            singular = self._kinematics.singularities_of(arm.position_rad, tolerance_rad=SINGULAR_RAD)
-            if any(one.whole_arm for one in singular):
-                return f"Cartesian impedance control cannot begin in a singularity ({singular[0]}); move the arm away"
+        singular = singular_start(self.setup, arm, self._kinematics)
+        if singular is not None:
+            return f"Cartesian impedance control cannot begin in a singularity ({singular}); move the arm away"
         return ""

@@ -1,15 +1,11 @@
 """How an application may have its motions controlled: mode, load and TCP of the frame it moves."""
 
-from hil.core.control.load_validation import SINGULAR_RAD, LoadValidation
+from hil.core.control.load_validation import LoadValidation
+from hil.core.control.singular_start import singular_start
 from hil.core.kinematics.srs import SrsKinematics
 from hil.core.servo.answer import Answer
 from hil.values.arm import ArmState
-from hil.values.control import (
-    CartesianImpedanceControlMode,
-    CartesianSineImpedanceControlMode,
-    ControlModeSettings,
-    ControlSetup,
-)
+from hil.values.control import ControlModeSettings, ControlSetup
 from hil.values.errors import ConfigurationError, UnknownName
 from hil.values.frames import FrameTree
 from hil.values.load import Load
@@ -52,14 +48,13 @@ class ControlChoice:
         if not self._validation.holds(load):
             detail = f"validate the load of {frame!r}, {load.mass_kg:g} kg, first"
             return _refused(RequestError.ILLEGAL_STATE, NOT_VALIDATED, detail)
-        if isinstance(mode, CartesianImpedanceControlMode | CartesianSineImpedanceControlMode):
-            singular = self._kinematics.singularities_of(arm.position_rad, tolerance_rad=SINGULAR_RAD)
-            if any(one.whole_arm for one in singular):
-                return _refused(
-                    RequestError.ILLEGAL_STATE,
-                    "Cartesian impedance control cannot begin in a singularity",
-                    f"{singular[0]}; move the arm to another pose with a PTP",
-                )
+        singular = singular_start(setup, arm, self._kinematics)
+        if singular is not None:
+            return _refused(
+                RequestError.ILLEGAL_STATE,
+                "Cartesian impedance control cannot begin in a singularity",
+                f"{singular}; move the arm to another pose with a PTP",
+            )
         return setup
 
     def change(self, control: ControlSetup, mode: ControlModeSettings) -> ControlSetup | Answer:
