@@ -5,11 +5,12 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from hil.config.control import ControlConfig
 from hil.config.frames import FrameConfig, LoadConfig, PoseConfig, ToolConfig, frame_tree
 from hil.config.limits import LimitsConfig
+from hil.config.ring import parse_ring
 from hil.config.signals import GroupConfig, signals
 from hil.core.settings import (
     CYCLE_CHOICES_MS,
@@ -219,11 +220,22 @@ class Station(_Model):
 
     realtime: Annotated[bool, Field(strict=True, description="ask for SCHED_FIFO, locked memory and a CPU")] = False
     capture: Annotated[Path | None, Field(description="pcapng file to record all packets to")] = None
+    capture_ring: Annotated[
+        str | None,
+        Field(description="keep only the newest files of the capture: FILESxSIZE, such as 10x100MB; default: one file"),
+    ] = None
     pad: Annotated[
         str | None,
         Field(description="socket of the operator's pad, or off; default: one in a folder only its owner may open"),
     ] = None
     robot: Annotated[list[RobotConfig], Field(min_length=1, max_length=16, description="the robots")]
+
+    @field_validator("capture_ring")
+    @classmethod
+    def _ring(cls, text: str | None) -> str | None:
+        if text is not None:
+            parse_ring(text)
+        return text
 
     @model_validator(mode="after")
     def _names_differ(self) -> Self:

@@ -22,6 +22,7 @@ from transport.servo import ServoCodec, load_key
 from transport.udp import default_bind, parse_address, refuse_shared_port
 
 BACKENDS = ("mujoco", "ideal")
+TOKEN_SECRET_BYTES = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +128,7 @@ def make_controller(
     ``codec`` takes the place of the one the configuration names; ``token_secret`` that of a new random one, so that
     the tokens of two runs are the same.
     """
-    secret = os.urandom(32) if token_secret is None else token_secret
+    secret = os.urandom(TOKEN_SECRET_BYTES) if token_secret is None else token_secret
     return Controller(
         config.settings(unix_epoch_ns=unix_epoch_ns, fri_peer=fri_peer, servo=_servo_settings(config, parts, secret)),
         description=parts.description,
