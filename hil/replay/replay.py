@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Final
 
 from hil.arithmetic import arithmetic_fingerprint
+from hil.clock import elapsed_ns
 from hil.replay.exact import ExactReplay
 from hil.replay.header import ARITHMETIC, CaptureHeader, read_header
 from hil.replay.result import ReplayResult
-from hil.runtime.clock import elapsed_ns
 from hil.values.errors import UsageError
 from transport.capture.errors import CaptureError
 from transport.capture.journal import Entry, encode_entry, read_entries

@@ -14,8 +14,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final, Protocol
 
+from hil.clock import Clock
 from hil.config.ring import RingSize
-from hil.runtime.clock import Clock
 from hil.runtime.pad_connection import Connection, Message
 from hil.runtime.pad_requests import BadRequest, CaptureRequest, PadRequest, read_request
 from hil.runtime.pad_socket import PadSocket

@@ -4,6 +4,7 @@ import asyncio
 import os
 from collections.abc import Callable
 
+from hil.clock import Clock, elapsed_ns, let_others_run, unix_time_ns
 from hil.config.station import Overrun, RobotConfig
 from hil.core.controller import FRI_LINK, Controller, operator_report
 from hil.core.events import DrivesChanged, Event
@@ -11,7 +12,6 @@ from hil.core.servo.link import SERVO_LINK
 from hil.core.settings import NS_PER_MS
 from hil.replay.header import RobotStart
 from hil.runtime.assembly import TOKEN_SECRET_BYTES, LinkAddresses, RobotParts, make_controller, open_parts
-from hil.runtime.clock import Clock, elapsed_ns, let_others_run, unix_time_ns
 from hil.runtime.journal import Recorder, RobotJournal
 from hil.runtime.measurements import RunMeasurements
 from hil.runtime.pacer import Pacer, Tick, open_pacer

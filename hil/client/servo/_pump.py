@@ -11,9 +11,9 @@ import threading
 from contextlib import suppress
 from typing import Final, TypeVar
 
-from hil.client._clock import Deadline
 from hil.client.servo._link import FAREWELLS, Link
 from hil.client.servo._operations import Operation, Wait
+from hil.clock import Deadline
 from hil.values.servo import MAX_SERVO_DATAGRAM_BYTES
 
 _REST_S: Final = 0.005

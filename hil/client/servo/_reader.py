@@ -7,9 +7,9 @@ from typing import TypeVar
 
 import asyncio_dgram
 
-from hil.client._clock import Deadline
 from hil.client.servo._link import FAREWELLS, Link
 from hil.client.servo._operations import Operation, Wait
+from hil.clock import Deadline
 
 _T = TypeVar("_T")
 
