@@ -69,6 +69,9 @@ class FriConfig(_Model):
         int | None,
         Field(description="silence that ends a commanded motion; default: 50, or 3 answer periods if longer"),
     ] = None
+    quality_rise_ms: Annotated[
+        int, Field(strict=True, description="time at a better figure before the connection quality rises one level")
+    ] = 500
 
     transformations: Annotated[
         tuple[str, ...], Field(description="names of the transformations the client is asked for, 5 at most")
@@ -83,6 +86,7 @@ class FriConfig(_Model):
             overlay=self.overlay,
             control=self.control.settings(self.overlay),
             watchdog_ms=self.watchdog_ms,
+            quality_rise_ms=self.quality_rise_ms,
             transformations=self.transformations,
         )
         settings.check_release(self.release)

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -10,7 +11,7 @@ from hil.core.servo.link import SERVO_LINK
 from hil.replay.altered import alteration
 from hil.replay.fields import differences
 from hil.replay.header import CaptureHeader, RobotStart
-from hil.replay.result import Moment, ReplayResult
+from hil.replay.result import Moment, ReplayResult, Watcher
 from hil.runtime.assembly import RobotParts, make_controller, open_parts
 from hil.runtime.pad_requests import read_request
 from hil.values.errors import BackendError, MalformedDatagram
@@ -76,7 +77,9 @@ class ExactReplay:
         *,
         sink: Sink | None = None,
         pace: Callable[[int], None] | None = None,
+        watch: Watcher | None = None,
     ) -> None:
+        self._watch = watch
         self._result = result
         self._sink = sink
         self._pace = pace
@@ -182,6 +185,7 @@ class ExactReplay:
             robot.ended = True
             return
         robot.t_ns, robot.departed_ns = entry.due_ns, entry.departed_ns
+        self._result.reached_s = entry.due_ns / 1e9
         robot.cycle += 1
         robot.inputs_crc32, robot.told_altered = 0, False
         robot.inputs.clear()
@@ -224,6 +228,8 @@ class ExactReplay:
             return
         said = robot.said.popleft()
         result.compared += 1
+        if self._watch is not None:
+            self._show(robot, link, packet.payload, said)
         if said.payload == packet.payload and said.link == link:
             destination = said.destination or robot.start.fri_client
             if destination == packet.destination:
@@ -239,6 +245,16 @@ class ExactReplay:
             result.differ(moment, list(differences(decode(packet.payload), decode(said.payload))))
         except MalformedDatagram as error:
             result.differ_whole(moment, f"the recorded datagram is no message of the {link} link ({error})")
+
+    def _show(self, robot: _Robot, link: str, recorded: bytes, said: Outgoing) -> None:
+        if self._watch is None or said.link != link:
+            return
+        if not self._watch.wants():
+            self._watch.skip()
+            return
+        decode = robot.decoders[link, True]
+        with suppress(MalformedDatagram):
+            self._watch.pair(f"{robot.start.name} {link}", robot.t_ns / 1e9, decode(recorded), decode(said.payload))
 
     def _missing(self, robot: _Robot) -> None:
         """What was said in the last cycle, and is not in the recording behind it, is missing there."""

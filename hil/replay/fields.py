@@ -20,14 +20,19 @@ _WORDS: Final = {
     "command position": "commanded",
     "command torque": "commanded torque",
     "command wrench": "commanded wrench",
+    "drive_states": "drive state",
     "connection": "",
     "robot": "",
     "monitor": "",
     "snapshot": "",
 }
 """What a person calls a field; what is not here is called by its name."""
-_JOINT_POSITIONS: Final = frozenset({"measured_position", "commanded_position", "position", "destination"})
-_TORQUES: Final = frozenset({"measured_torque", "commanded_torque", "external_torque", "torque"})
+_BY_JOINT: Final = {
+    **dict.fromkeys(("measured_position", "commanded_position", "position", "destination"), "rad"),
+    **dict.fromkeys(("measured_torque", "commanded_torque", "external_torque", "torque"), "Nm"),
+    "drive_states": "",
+}
+"""Units of what has a value for each joint."""
 _WRENCH: Final = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 _WRENCHES: Final = frozenset({"external_force", "wrench", "flange_force"})
 _POSE_7: Final = ("tx", "ty", "tz", "qw", "qx", "qy", "qz")
@@ -110,13 +115,12 @@ def _word(name: str) -> str:
 
 
 def _element(field: str, names: tuple[str, ...], place: int | None) -> tuple[str, str]:
+    """Return what a part of a vector is called, and its unit."""
     unit = next((unit for ending, unit in (("_ns", "ns"), ("_ms", "ms"), ("_s", "s")) if field.endswith(ending)), "")
     if place is None:
         return "", unit
-    if field in _JOINT_POSITIONS and place < JOINT_COUNT:
-        return JOINT_NAMES[place], "rad"
-    if field in _TORQUES and place < JOINT_COUNT:
-        return JOINT_NAMES[place], "Nm"
+    if field in _BY_JOINT and place < JOINT_COUNT:
+        return JOINT_NAMES[place], _BY_JOINT[field]
     if field in _WRENCHES and place < len(_WRENCH):
         return _WRENCH[place], "N" if place < 3 else "Nm"
     if field == "values" and "pose" in "".join(names) and place < len(_POSE_7):

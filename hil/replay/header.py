@@ -2,6 +2,7 @@
 
 import platform
 from importlib import metadata
+from pathlib import Path
 from typing import Annotated, Final, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -75,6 +76,16 @@ class CaptureHeader(_Model):
             robots=robots,
             machine=machine,
         )
+
+    def with_key(self, key_file: Path) -> Self:
+        """Return it with another file for the key of every servo link that has one."""
+        robots = [
+            robot
+            if robot.servo is None or robot.servo.key_file is None
+            else robot.model_copy(update={"servo": robot.servo.model_copy(update={"key_file": key_file})})
+            for robot in self.station.robot
+        ]
+        return self.model_copy(update={"station": self.station.model_copy(update={"robot": robots})})
 
     def to_comment(self) -> str:
         """Return the text for the section's comment; what is as it is by itself is left out."""

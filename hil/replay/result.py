@@ -1,13 +1,34 @@
 """What a replay found: how many datagrams are the same, where the first one is not, and which fields differ."""
 
+import re
 from dataclasses import dataclass, field
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, Protocol
 
 from hil.replay.fields import FieldDifference
 
+_AXIS: Final = re.compile(r"A\d")
+_PARTINGS: Final = (
+    (" commanded", "commanded positions", "rad"),
+    (" interpolator", "interpolator positions", "rad"),
+    (" measured", "measured positions", "rad"),
+    (" measured torque", "measured torques", "Nm"),
+)
 MAX_FIELDS: Final = 200
 MAX_TOLD: Final = 20
 """Of a kind of event; all are counted."""
+
+
+class Watcher(Protocol):
+    """Looks on: pairs of messages as they are compared."""
+
+    def wants(self) -> bool:
+        """Whether the next pair is to be decoded for it."""
+
+    def skip(self) -> None:
+        """A pair went by that it did not want."""
+
+    def pair(self, robot: str, t_s: float, recorded: object, emulated: object) -> None:
+        """Take a recorded message and the emulator's."""
 
 
 class Moment(NamedTuple):
@@ -58,8 +79,12 @@ class ReplayResult:
     """That the emulator sent and the recording has not."""
     extra: int = 0
     """That the recording has and the emulator did not send."""
+    strangers: int = 0
+    """Datagrams that are not between a controller and its client."""
     cycles: int = 0
     recorded_s: float = 0.0
+    reached_s: float = 0.0
+    """How far in the recording the replay is."""
     took_s: float = 0.0
     first: str = ""
     """The first difference, in one sentence."""
@@ -96,6 +121,8 @@ class ReplayResult:
         if self.equal:
             whole = "byte for byte" if self.own else "byte for byte, though recorded elsewhere"
             return f"identical {whole}: {self.compared} datagrams of {self.recorded_s:.3f} s"
+        if not self.own:
+            return self._parting
         if self.altered and not self.first:
             return f"all {self.compared} datagrams are identical, but the recording was changed: {self.altered[0]}"
         parted = self.compared - self.identical + self.missing + self.extra
@@ -106,6 +133,26 @@ class ReplayResult:
                 f"{self.largest:.3g}"
             )
         return told
+
+    @property
+    def _parting(self) -> str:
+        """Where emulator and recording part, in one sentence."""
+        told = f"{self.compared} messages of {self.recorded_s:.3f} s compared, {self.identical} alike"
+        shares = [
+            f"{name} by {largest:.3g} {unit}"
+            for ending, name, unit in _PARTINGS
+            if (largest := self._largest_of(ending)) is not None
+        ]
+        if shares:
+            told += f"; emulator and recording part at most in {', '.join(shares)}"
+        apart = self.fields.get("session state")
+        if apart is not None:
+            told += f"; their session states are not the same in {apart.count} messages, first at {apart.first}"
+        return told
+
+    def _largest_of(self, ending: str) -> float | None:
+        found = [tally.largest for name, tally in self.fields.items() if _AXIS.fullmatch(name.removesuffix(ending))]
+        return max(found, default=None)
 
     @property
     def largest(self) -> float:
@@ -157,6 +204,7 @@ class ReplayResult:
             "identical": self.identical,
             "missing": self.missing,
             "extra": self.extra,
+            "strangers": self.strangers,
             "cycles": self.cycles,
             "recorded_s": round(self.recorded_s, 6),
             "took_s": round(self.took_s, 3),

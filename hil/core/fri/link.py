@@ -68,8 +68,8 @@ class FriLink:
         self._cycles_per_message = settings.send_period_ms // cycle_ms
         self._cycles_until_message = 0
         self._budget_ns = settings.budget_ns
-        self._tracker = SequenceTracker()
-        self._meter = QualityMeter(budget_ns=self._budget_ns)
+        self._tracker = SequenceTracker(first_counter=settings.first_sequence_counter)
+        self._meter = QualityMeter(budget_ns=self._budget_ns, rise_ns=settings.quality_rise_ms * NS_PER_MS)
         self._expected = ExpectedAnswers(
             receive_multiplier=settings.receive_multiplier, budget_ns=self._budget_ns, meter=self._meter
         )

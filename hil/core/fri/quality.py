@@ -18,8 +18,9 @@ RISE_NS = 500_000_000
 class QualityMeter:
     """Judges expected answers one by one; time is an argument, memory is bounded by the window."""
 
-    def __init__(self, *, budget_ns: int) -> None:
+    def __init__(self, *, budget_ns: int, rise_ns: int = RISE_NS) -> None:
         self._budget_ns = budget_ns
+        self._rise_ns = rise_ns
         self._full_window = WINDOW_NS // budget_ns
         self._window: deque[tuple[int, bool, bool]] = deque()
         """Of each expected answer: when it was judged, whether it came in time, whether in less than half of it."""
@@ -106,6 +107,6 @@ class QualityMeter:
             self._better_since_ns = None
         elif self._better_since_ns is None:
             self._better_since_ns = now_ns
-        elif now_ns - self._better_since_ns >= RISE_NS:
+        elif now_ns - self._better_since_ns >= self._rise_ns:
             self.quality = Quality(self.quality + 1)
             self._better_since_ns = now_ns if figure > self.quality else None
