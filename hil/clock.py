@@ -110,7 +110,7 @@ def unix_time_ns() -> int:
 
 
 class Pause:
-    """Waits, which stops the thread, for moments of another time that goes ``factor`` times as fast as the machine's."""
+    """Makes the thread wait for moments of another time, which goes ``factor`` times as fast as the machine's."""
 
     def __init__(self, factor: float) -> None:
         self._factor = factor

@@ -36,7 +36,7 @@ def replay(  # noqa: PLR0917  # typer makes the options of the parameters; nobod
     ] = None,
     plot: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.png", help="Draw recorded and emulated positions, and their difference."),
+        typer.Option(metavar="FILE.png", help="Draw recorded and emulated positions."),
     ] = None,
     update: Annotated[
         bool, typer.Option("--update", help="Make what the emulator says now the recording; of hil run only.")
@@ -123,22 +123,8 @@ def _show(result: ReplayResult, *, drawn: Path | None) -> None:
     console = Console(highlight=False)
     colour = "green" if result.equal else "yellow" if not result.own else "red"
     console.print(f"[{colour}]{_plain(result.verdict)}[/{colour}]")
-    if result.updated:
-        console.print("the recording holds now what the emulator says")
-    factor = result.real_time_factor
-    if factor is not None:
-        console.print(
-            f"replayed {result.recorded_s:.3f} s in {result.took_s:.2f} s, {factor:.1f} x real time; "
-            f"{result.inputs} datagrams to the controller, {result.cycles} cycles"
-        )
-    for text in result.altered:
-        console.print(f"changed after it was recorded: {_plain(text)}")
-    if result.own and not result.complete and not result.damage:
-        console.print("the recording was not ended in order: its process was killed, or the disk was full")
-    for text in result.notes:
-        console.print(f"note: {_plain(text)}")
-    if result.strangers:
-        console.print(f"note: {result.strangers} datagrams are not between a controller and its FRI client")
+    for line in _remarks(result):
+        console.print(_plain(line))
     if result.fields:
         console.print(_field_table(result))
         if len(result.fields) > _FIELDS_SHOWN:
@@ -149,6 +135,25 @@ def _show(result: ReplayResult, *, drawn: Path | None) -> None:
         console.print(f"picture: {drawn}")
     if result.damage:
         console.print(f"[red]{_plain(result.damage)}[/red]; what is before that was replayed")
+
+
+def _remarks(result: ReplayResult) -> Iterator[str]:
+    factor = result.real_time_factor
+    if factor is not None:
+        yield (
+            f"replayed {result.recorded_s:.3f} s in {result.took_s:.2f} s, {factor:.1f} x real time; "
+            f"{result.inputs} datagrams to the controller, {result.cycles} cycles"
+        )
+    if result.updated:
+        yield "the recording holds now what the emulator says"
+    for text in result.altered:
+        yield f"changed after it was recorded: {text}"
+    if result.own and not result.complete and not result.damage:
+        yield "the recording was not ended in order: its process was killed, or the disk was full"
+    for text in result.notes:
+        yield f"note: {text}"
+    if result.strangers:
+        yield f"note: {result.strangers} datagrams are not between a controller and its FRI client"
 
 
 def _field_table(result: ReplayResult) -> Table:
