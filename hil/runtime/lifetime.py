@@ -1,4 +1,4 @@
-"""What every long-running command of ours does alike: an orderly end, something now and then, a result that can be written."""
+"""What every long-running command does alike: an orderly end, a line now and then, a result that can be written."""
 
 import asyncio
 import os

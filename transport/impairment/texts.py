@@ -24,7 +24,8 @@ from transport.impairment.faults import (
 )
 from transport.impairment.units import DURATION_NS, RATE_BITS_PER_S, SIZE_BYTES
 
-_NUMBER: Final = r"\d{1,15}(?:\.\d{1,15})?"
+_COUNT: Final = r"\d{1,15}"
+_NUMBER: Final = rf"{_COUNT}(?:\.{_COUNT})?"
 _UNITS: Final = {**DURATION_NS, **RATE_BITS_PER_S, **SIZE_BYTES}
 
 
@@ -104,7 +105,7 @@ _KINDS: Final = {
         f"jitter=1ms[/{'|'.join(Distribution)}][/overtaking]",
     ),
     "reorder": _Kind(
-        rf"{_SHARE}(?:/(?:{_DURATION}|(?P<count>\d{1, 15})))?",
+        rf"{_SHARE}(?:/(?:{_DURATION}|(?P<count>{_COUNT})))?",
         _reorder,
         "reorder=1%[/3] (by packets) or reorder=1%/2ms",
     ),
@@ -114,7 +115,7 @@ _KINDS: Final = {
         "duplicate=1%[/2ms]",
     ),
     "corrupt": _Kind(
-        rf"{_SHARE}(?:x(?P<count>\d{1, 15}))?",
+        rf"{_SHARE}(?:x(?P<count>{_COUNT}))?",
         lambda value, way: Corrupt(value.share(), value.number("count", 1), way),
         "corrupt=0.1%[x3] (share x bits)",
     ),
@@ -135,7 +136,7 @@ _KINDS: Final = {
         "skew=100ppm[/1ms] (how much the peer's clock is fast / base delay)",
     ),
     "packet": _Kind(
-        rf"(?P<action>{'|'.join(PacketAction)})@(?P<index>\d{1, 15})(?:\+(?:{_DURATION}|bit(?P<bit>\d{1, 15})))?",
+        rf"(?P<action>{'|'.join(PacketAction)})@(?P<index>{_COUNT})(?:\+(?:{_DURATION}|bit(?P<bit>{_COUNT})))?",
         _packet,
         "packet=drop@17, packet=delay@17+5ms, packet=duplicate@17[+5ms] or packet=corrupt@17[+bit3]",
     ),
