@@ -12,6 +12,7 @@ from hil.runtime.impair import ImpairOptions, Link, run_impair
 from transport.impairment import FAULT_TEXTS, parse_fault
 from transport.udp import parse_address
 
+_COUNTS = ("fired", "met", "lost", "added")
 _PORTS = {Link.FRI: 30200, Link.SERVO: 30300}
 
 
@@ -76,10 +77,12 @@ def impair(  # noqa: PLR0917  # typer makes the options of the parameters; nobod
 
 def _print_summary(report: dict[str, Any]) -> None:
     console = Console()
-    table = Table("fault", "fired", "met", "lost", "added", "on packets", title="fri-hil impair")
+    table = Table("fault", *_COUNTS, "on packets", title="fri-hil impair")
+    table.columns[0].overflow = "fold"
     for fault in report["faults"]:
-        counts = [str(fault[name]) for name in ("fired", "met", "lost", "added")]
-        table.add_row(escape(fault["fault"]), *counts, escape(fault["packets_text"]) or "none")
+        table.add_row(
+            escape(fault["fault"]), *(str(fault[count]) for count in _COUNTS), escape(fault["packets_text"]) or "none"
+        )
     if report["faults"]:
         console.print(table)
     ways = ", ".join(
