@@ -23,7 +23,7 @@ from transport.capture.errors import CaptureError
 from transport.capture.journal import Entry, encode_entry, read_entries
 from transport.capture.parts import first_and_number, parts_from
 from transport.capture.reading import RecordReader, read_records, read_section_comment
-from transport.capture.records import CapturedDatagram, CaptureRecord, Notes
+from transport.capture.records import CapturedDatagram, CaptureRecord, Notes, Packet
 from transport.capture.writing import PcapngWriter
 from transport.fri import FriCodec
 
@@ -86,7 +86,7 @@ def replay_elsewhere(
     parts = parts_from(file)
     if header is not None:
         _tell_why_not_own(header, file, result)
-    flows = _flows(parts, wish)
+    flows = _looked_through(parts, wish)
     began_ns = elapsed_ns()
     beside: dict[tuple[Address, Address], Beside] = {}
     with ExitStack() as opened:
@@ -141,7 +141,22 @@ def _base_config(header: CaptureHeader | None, number: int, flow: Flow, wish: Wi
     return config if wish.model is None else config.model_copy(update={"model": wish.model})
 
 
-def _flows(parts: list[Path], wish: Wish) -> dict[tuple[Address, Address], Flow]:
+def flows_of(file: Path, wish: Wish) -> dict[tuple[Address, Address], Flow]:
+    """Return the controllers of ``file`` with their clients; raise ``CaptureError`` where nothing can be read."""
+    read_section_comment(file)
+    return _looked_through(parts_from(file), wish)
+
+
+def packets_of(file: Path) -> Iterator[Packet]:
+    """Yield the datagrams of ``file`` and of the parts of its ring behind it, up to the first damage."""
+    with suppress(CaptureError):
+        for part in parts_from(file):
+            for record in read_records(part):
+                if isinstance(record, Packet):
+                    yield record
+
+
+def _looked_through(parts: list[Path], wish: Wish) -> dict[tuple[Address, Address], Flow]:
     """Look through the recording for its controllers, as far as they tell more."""
     flows: dict[tuple[Address, Address], Flow] = {}
     codecs: dict[tuple[Address, Address], FriCodec] = {}
