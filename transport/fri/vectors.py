@@ -19,6 +19,8 @@ _POSE_VALUE = b"\x11"
 """Tag of field 2 as a double: Transformation.value."""
 _SEVEN_OF_POSE = Struct("<" + "cd" * 7).pack
 _ONE_BYTE = 0x7F
+_TWO_BYTES = 0x3FFF
+_THREE_BYTES = 0x1FFFFF
 
 
 def vector_field(tag: bytes, values: Vector | None) -> bytes:
@@ -50,12 +52,11 @@ def varint(number: int) -> bytes:
     """Return a non-negative number as a base-128 varint."""
     if number <= _ONE_BYTE:
         return bytes((number,))
-    out = bytearray()
-    while number > _ONE_BYTE:
-        out.append(number & 0x7F | 0x80)
-        number >>= 7
-    out.append(number)
-    return bytes(out)
+    if number <= _TWO_BYTES:
+        return bytes((number & 0x7F | 0x80, number >> 7))
+    if number <= _THREE_BYTES:
+        return bytes((number & 0x7F | 0x80, number >> 7 & 0x7F | 0x80, number >> 14))
+    return bytes((number & 0x7F | 0x80, number >> 7 & 0x7F | 0x80, number >> 14 & 0x7F | 0x80)) + varint(number >> 21)
 
 
 @cache
