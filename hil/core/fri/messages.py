@@ -34,6 +34,10 @@ from hil.values.fri_messages import (
 from hil.values.operator import OperatorView
 from hil.values.robot import JOINT_COUNT, Seven
 
+# A member of an enumeration costs a search each time it is named by its class, and these are named in every cycle.
+_COMMANDING_WAIT: Final = SessionState.COMMANDING_WAIT
+_COMMANDING_ACTIVE: Final = SessionState.COMMANDING_ACTIVE
+_CARTESIAN: Final = OverlayType.CARTESIAN
 FLANGE_POSE_NAME = "Flange"
 _COMMAND_MODES: Final = {
     OverlayKind.NONE: (ClientCommandMode.NONE, OverlayType.NONE),
@@ -66,6 +70,7 @@ class MessageBuilder:
         self._settings = settings
         self._fri = fri
         self._command_mode = _COMMAND_MODES[fri.overlay]
+        self._ipo_data: IpoData | None = None
         self._hold: tuple[Seven, Transformation] | None = None
         """Hold position of the last Cartesian overlay, and its pose."""
         self._control = control
@@ -90,7 +95,7 @@ class MessageBuilder:
         now_ns: int,
     ) -> MonitoringMessage:
         """Return the message; interpolator data only from COMMANDING_WAIT on."""
-        commanding = state >= SessionState.COMMANDING_WAIT
+        commanding = state >= _COMMANDING_WAIT
         return MonitoringMessage(
             sequence_counter,
             reflected_sequence_counter,
@@ -154,10 +159,13 @@ class MessageBuilder:
 
     def _ipo(self, hold_position_rad: Seven, state: SessionState, tracking_performance: float) -> IpoData:
         """Return the interpolator's position, or with a Cartesian overlay its pose, as the recorded clients had it."""
-        tracking = tracking_performance if state is SessionState.COMMANDING_ACTIVE else 0.0
+        tracking = tracking_performance if state is _COMMANDING_ACTIVE else 0.0
         mode, overlay_type = self._command_mode
-        if overlay_type is not OverlayType.CARTESIAN:
-            return IpoData(hold_position_rad, None, None, mode, overlay_type, tracking)
+        if overlay_type is not _CARTESIAN:
+            info = self._ipo_data
+            if info is None or info.position is not hold_position_rad or info.tracking_performance != tracking:
+                info = self._ipo_data = IpoData(hold_position_rad, None, None, mode, overlay_type, tracking)
+            return info
         if self._hold is None or hold_position_rad is not self._hold[0]:
             # It stays for as long as the overlay runs; the model would place the links twice a message.
             pose = Transformation(FLANGE_POSE_NAME, self._model.flange_in_base_mm(hold_position_rad))
