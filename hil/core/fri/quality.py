@@ -11,6 +11,7 @@ from collections import deque
 
 from hil.values.fri import Quality
 
+_EXCELLENT = Quality.EXCELLENT
 WINDOW_NS = 1_000_000_000
 RISE_NS = 500_000_000
 
@@ -35,12 +36,12 @@ class QualityMeter:
         """An expected answer came in time."""
         self.missed_in_a_row = 0
         self.ever_answered = True
-        self._judge(now_ns, answered=True, fast=2 * latency_ns < self._budget_ns)
+        self._judge(now_ns, True, 2 * latency_ns < self._budget_ns)
 
     def missed(self, *, now_ns: int) -> None:
         """An expected answer did not come within its budget."""
         self.missed_in_a_row += 1
-        self._judge(now_ns, answered=False, fast=False)
+        self._judge(now_ns, False, False)
 
     @property
     def expected_count(self) -> int:
@@ -69,7 +70,7 @@ class QualityMeter:
     def _budget_text(self) -> str:
         return f"the budget of {self._budget_ns / 1e6:g} ms"
 
-    def _judge(self, at_ns: int, *, answered: bool, fast: bool) -> None:
+    def _judge(self, at_ns: int, answered: bool, fast: bool) -> None:  # each cycle: keywords cost
         window = self._window
         window.append((at_ns, answered, fast))
         self._answered += answered
@@ -79,7 +80,7 @@ class QualityMeter:
             _, answered, fast = window.popleft()
             self._answered -= answered
             self._fast -= fast
-        if self._fast == len(window) and self.quality is Quality.EXCELLENT:
+        if self._fast == len(window) and self.quality is _EXCELLENT:
             return
         self._settle(self._figure(), at_ns)
 
