@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from hil.config.station import RobotConfig
+from hil.replay.result import ReplayResult
 from hil.values.arm import Push
 from hil.values.operator import PadKey, Press, SetInput
 from tools.bench.clients import BenchMotion, recorded_client
@@ -60,3 +61,16 @@ def write_golden(golden: Golden, folder: Path) -> Path:
     run.run(0.1)
     run.close()
     return file
+
+
+def parting(result: ReplayResult) -> dict[str, Any]:
+    """Return where an emulator and a recording from elsewhere part: states to the message, figures to three digits."""
+    return {
+        "compared": result.compared,
+        "states": [[whose, round(t_s, 6), state] for _, whose, t_s, state in result.states],
+        "largest": {
+            name: float(f"{tally.largest:.3g}")
+            for name, tally in sorted(result.fields.items())
+            if name.endswith((" measured", " commanded", " interpolator", " measured torque"))
+        },
+    }

@@ -5,18 +5,18 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from hil.clock import Pause
-from hil.replay.replay import ProgressTold, Wish, replay_file
-from hil.replay.result import ReplayResult
 from hil.values.errors import UsageError
 from hil.values.fri import Release
+
+if TYPE_CHECKING:
+    from hil.replay.replay import ProgressTold
+    from hil.replay.result import ReplayResult
 
 _MAX = "max"
 _DIFFERENT = 1
@@ -58,6 +58,8 @@ def replay(  # noqa: PLR0917  # typer makes the options of the parameters; nobod
     A capture from elsewhere (tcpdump beside a real robot) is compared field by field with an emulator beside it; that
     they part is no error, so its exit code is 0.
     """
+    from hil.replay.replay import Wish, replay_file
+
     elsewhere = beside or fri_version is not None or robot is not None or backend is not None
     pace = _pace(speed)
     alone = json_file == "-"
@@ -101,14 +103,18 @@ def _pace(speed: str) -> Callable[[int], None] | None:
         factor = 0.0
     if not 0.001 <= factor <= 1000.0:
         raise UsageError(f"--speed {speed}: valid is max, or a number of 0.001 to 1000 times real time")
+    from hil.clock import Pause
+
     return Pause(factor).until
 
 
 @contextmanager
-def _bar(file: Path, *, shown: bool) -> Iterator[ProgressTold | None]:
+def _bar(file: Path, *, shown: bool) -> "Iterator[ProgressTold | None]":
     if not shown:
         yield None
         return
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
     columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[told]}"), TimeRemainingColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(f"replay {file.name}", total=None, told="")
@@ -119,7 +125,7 @@ def _bar(file: Path, *, shown: bool) -> Iterator[ProgressTold | None]:
         yield tell
 
 
-def _show(result: ReplayResult, *, drawn: Path | None) -> None:
+def _show(result: "ReplayResult", *, drawn: Path | None) -> None:
     console = Console(highlight=False)
     colour = "green" if result.equal else "yellow" if not result.own else "red"
     console.print(f"[{colour}]{_plain(result.verdict)}[/{colour}]")
@@ -137,7 +143,7 @@ def _show(result: ReplayResult, *, drawn: Path | None) -> None:
         console.print(f"[red]{_plain(result.damage)}[/red]; what is before that was replayed")
 
 
-def _remarks(result: ReplayResult) -> Iterator[str]:
+def _remarks(result: "ReplayResult") -> Iterator[str]:
     factor = result.real_time_factor
     if factor is not None:
         yield (
@@ -156,7 +162,7 @@ def _remarks(result: ReplayResult) -> Iterator[str]:
         yield f"note: {result.strangers} datagrams are not between a controller and its FRI client"
 
 
-def _field_table(result: ReplayResult) -> Table:
+def _field_table(result: "ReplayResult") -> Table:
     table = Table("field", "messages", "first at", "recorded", "emulator", "largest difference")
     for name, tally in list(result.fields.items())[:_FIELDS_SHOWN]:
         first = tally.first_difference
@@ -172,7 +178,7 @@ def _field_table(result: ReplayResult) -> Table:
     return table
 
 
-def _state_table(result: ReplayResult) -> Table:
+def _state_table(result: "ReplayResult") -> Table:
     table = Table("robot", "t", "recording", "emulator", title="session states")
     for robot, whose, t_s, state in result.states:
         table.add_row(robot, f"{t_s:.3f} s", *((state, "") if whose == "recording" else ("", state)))
