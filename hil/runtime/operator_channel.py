@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final, Protocol
 
-from hil.runtime.clock import Clock
+from hil.clock import Clock
 from hil.runtime.pad_connection import Connection, Message
 from hil.runtime.pad_requests import BadRequest, PadRequest, read_request
 from hil.runtime.pad_socket import PadSocket

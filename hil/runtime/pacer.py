@@ -5,8 +5,8 @@ import os
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
+from hil.clock import Clock
 from hil.runtime import timer
-from hil.runtime.clock import Clock
 
 
 class Tick(NamedTuple):

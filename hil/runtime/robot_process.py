@@ -4,13 +4,13 @@ import asyncio
 from collections.abc import Callable
 from typing import Protocol
 
+from hil.clock import Clock, elapsed_ns, let_others_run, unix_time_ns
 from hil.config.station import Overrun, RobotConfig
 from hil.core.controller import FRI_LINK, Controller, operator_report
 from hil.core.events import DrivesChanged, Event
 from hil.core.servo.link import SERVO_LINK
 from hil.core.settings import NS_PER_MS
 from hil.runtime.assembly import LinkAddresses, RobotParts, make_controller, open_parts
-from hil.runtime.clock import Clock, elapsed_ns, let_others_run, unix_time_ns
 from hil.runtime.measurements import RunMeasurements
 from hil.runtime.pacer import Pacer, Tick, open_pacer
 from hil.runtime.ports import FriPort, Port, ServoPort

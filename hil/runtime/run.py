@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hil.clock import Clock, MonotonicClock, unix_time_ns
 from hil.config.station import RobotConfig, Station
 from hil.core.controller import FRI_LINK
 from hil.core.events import Event
 from hil.core.servo.link import SERVO_LINK
 from hil.runtime.assembly import link_addresses
-from hil.runtime.clock import Clock, MonotonicClock, unix_time_ns
 from hil.runtime.console import Console
 from hil.runtime.operator_channel import OperatorChannel
 from hil.runtime.progress import progress_line

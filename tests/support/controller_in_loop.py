@@ -11,12 +11,12 @@ import pytest
 
 from backends.base import InProcessBackend
 from hil.client.servo import AsyncServoClient, CommandInvalidException
+from hil.clock import MonotonicClock, unix_time_ns
 from hil.config.frames import FrameConfig, ToolConfig
 from hil.config.station import Mode, Reaction, ReactionConfig, RobotConfig, ServoConfig
 from hil.core.servo.link import SERVO_LINK
 from hil.runtime import robot_process
 from hil.runtime.assembly import RobotParts, link_addresses, open_parts
-from hil.runtime.clock import MonotonicClock, unix_time_ns
 from hil.runtime.robot_process import RobotProcess
 from hil.values.robot import RobotDescription
 from tests.support.processes import own_host

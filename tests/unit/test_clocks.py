@@ -5,8 +5,8 @@ import itertools
 
 import pytest
 
+from hil.clock import Clock, MonotonicClock, VirtualClock
 from hil.runtime import timer
-from hil.runtime.clock import Clock, MonotonicClock, VirtualClock
 from hil.runtime.pacer import LoopPacer, Pacer, TimerFdPacer, open_pacer
 
 PERIOD_NS = 2_000_000

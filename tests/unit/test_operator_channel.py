@@ -17,8 +17,8 @@ from typing import Any
 import pytest
 
 from hil.client.pad_folder import MAX_SOCKET_PATH_BYTES, distrusted, make_socket_folder, socket_folder
+from hil.clock import MonotonicClock
 from hil.runtime import operator_channel
-from hil.runtime.clock import MonotonicClock
 from hil.runtime.operator_channel import MAX_CONNECTIONS, OperatorChannel
 from hil.runtime.pad_connection import BURST_REQUESTS, REQUEST_INTERVAL_NS, UNREAD_BYTES
 from hil.runtime.pad_requests import MAX_LINE_BYTES, BadRequest, PadRequest, read_request

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 import pytest
 
 from backends.ideal import IdealBackend
+from hil.clock import VirtualClock
 from hil.config.station import FriConfig, Overrun, RobotConfig
 from hil.core.events import Event
 from hil.runtime import robot_process
 from hil.runtime.assembly import LinkAddresses, RobotParts, open_parts
-from hil.runtime.clock import VirtualClock
 from hil.runtime.pacer import Pacer
 from hil.runtime.robot_process import CATCH_UP_MOST, RobotProcess
 from hil.values.errors import BackendError

@@ -9,7 +9,7 @@ import threading
 
 import pytest
 
-from hil.runtime.clock import let_others_run, unix_time_ns
+from hil.clock import let_others_run, unix_time_ns
 from hil.values.errors import ConfigurationError, EndpointError
 from hil.values.link import Address
 from tests.support.processes import own_host

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from hil.clock import elapsed_ns
 from hil.config.control import ControlName
 from hil.config.station import RobotConfig
 from hil.core.controller import Controller
 from hil.runtime.assembly import RobotParts, make_controller, open_parts
-from hil.runtime.clock import elapsed_ns
 from hil.values.fri import Release
 from hil.values.fri_messages import CommandMessage, ControllerCodec, MonitoringMessage
 from hil.values.link import Outgoing

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hil.runtime.clock import elapsed_ns
+from hil.clock import elapsed_ns
 from hil.values.errors import EndpointError
 from hil.values.fri import Release
 from tools.bench.bounds import (

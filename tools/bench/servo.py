@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from hil.client.servo import AsyncServoClient, AsyncSmartServo, ServoClient, SmartServo
+from hil.clock import MonotonicClock, unix_time_ns
 from hil.core.statistics import Histogram
-from hil.runtime.clock import MonotonicClock, unix_time_ns
 from hil.runtime.pacer import open_pacer
 from hil.values.errors import EndpointError
 from hil.values.servo import MotionState

@@ -3,11 +3,11 @@
 import socket
 from collections.abc import Iterator
 
-from hil.client._clock import Deadline
 from hil.client._machine import DatagramSocket, virtual_machine
 from hil.client.fri.errors import NothingHeard
 from hil.client.fri.handler import FriHandler
 from hil.client.fri.session import ClientSession
+from hil.clock import Deadline
 from hil.values.errors import ConfigurationError, EndpointError, UsageError
 from hil.values.fri import CLIENT_PORT, Release
 from hil.values.link import Address

@@ -4,13 +4,13 @@ import secrets
 import socket
 from typing import Final
 
-from hil.client._clock import Deadline
 from hil.client._machine import DatagramSocket, virtual_machine
 from hil.client.servo import _frames as frames
 from hil.client.servo._frames import MovedFrame
 from hil.client.servo.errors import IllegalArgumentException
 from hil.client.servo.motions import Motion
 from hil.client.servo.session import ServoSession
+from hil.clock import Deadline
 from hil.values.errors import ConfigurationError, EndpointError, OutOfRange, UsageError
 from hil.values.frames import FrameTree
 from hil.values.link import Address

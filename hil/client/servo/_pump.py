@@ -11,10 +11,10 @@ import threading
 from contextlib import suppress
 from typing import Final, Protocol, TypeVar
 
-from hil.client._clock import Deadline
 from hil.client._machine import virtual_machine
 from hil.client.servo._link import FAREWELLS, Link, open_socket
 from hil.client.servo._operations import Operation, Wait
+from hil.clock import Deadline
 from hil.values.link import Address
 from hil.values.servo import MAX_SERVO_DATAGRAM_BYTES
 

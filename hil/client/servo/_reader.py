@@ -6,10 +6,10 @@ from typing import TypeVar
 
 import asyncio_dgram
 
-from hil.client._clock import Deadline
 from hil.client._machine import DatagramSocket
 from hil.client.servo._link import FAREWELLS, Link
 from hil.client.servo._operations import Operation, Wait
+from hil.clock import Deadline
 
 _T = TypeVar("_T")
 

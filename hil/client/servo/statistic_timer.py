@@ -5,8 +5,8 @@ from threading import Lock
 from types import TracebackType
 from typing import Self
 
-from hil.client._clock import stopwatch_ns
 from hil.client.servo.errors import IllegalStateException
+from hil.clock import stopwatch_ns
 
 
 class StatisticTimer:
