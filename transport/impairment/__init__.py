@@ -1,0 +1,48 @@
+"""A seeded model of a bad network: faults as values, and what they do to datagrams.
+
+Nothing here sends, waits or reads a clock: datagrams and times go in, datagrams and times come out. The core's tests
+use it in virtual time, ``hil impair`` between real processes.
+"""
+
+from transport.impairment.faults import (
+    AtPacket,
+    BurstLoss,
+    ClockSkew,
+    Corrupt,
+    Delay,
+    Direction,
+    Distribution,
+    Duplicate,
+    Fault,
+    HalfOpen,
+    Jitter,
+    Loss,
+    PacketAction,
+    Rate,
+    Reorder,
+)
+from transport.impairment.network import Delivery, Network
+from transport.impairment.report import FaultNeverFired, FaultReport, PacketId
+
+__all__ = [
+    "AtPacket",
+    "BurstLoss",
+    "ClockSkew",
+    "Corrupt",
+    "Delay",
+    "Delivery",
+    "Direction",
+    "Distribution",
+    "Duplicate",
+    "Fault",
+    "FaultNeverFired",
+    "FaultReport",
+    "HalfOpen",
+    "Jitter",
+    "Loss",
+    "Network",
+    "PacketAction",
+    "PacketId",
+    "Rate",
+    "Reorder",
+]
