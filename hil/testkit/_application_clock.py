@@ -14,10 +14,9 @@ from hil.testkit._world import UNIX_EPOCH_NS, World
 
 READING_NS: Final = 1_000
 """What reading a clock costs, so that a loop that waits by reading one comes to an end."""
-_REAL_FOR: Final = frozenset(
-    "_pytest asyncio concurrent execnet faulthandler hypothesis multiprocessing pluggy pytest_timeout queue selectors "
-    "socket socketserver subprocess tempfile threading xdist".split()
-)
+_REAL_FOR: Final = {"_pytest", "execnet", "hypothesis", "pluggy", "pytest_asyncio", "pytest_timeout", "xdist"} | {
+    "asyncio", "concurrent", "faulthandler", "multiprocessing", "queue", "selectors", "socket", "subprocess", "threading",
+}  # fmt: skip
 """Top-level packages that measure the machine, not the application."""
 
 

@@ -94,5 +94,3 @@ class _VirtualSelector(selectors.BaseSelector):
 
 def _number(fileobj: Any) -> int:
     return fileobj if isinstance(fileobj, int) else int(fileobj.fileno())
-
-

@@ -53,10 +53,12 @@ class VirtualNetwork(Generic[_Route]):
 
     def __init__(self, *, latency_ns: int, seed: int = 0) -> None:
         self.packets = dict.fromkeys(Direction, 0)
-        """How many datagrams passed in each direction, those that were lost too."""
+        """How many datagrams entered in each direction, those that were lost too."""
         self._latency_ns = latency_ns
         self._seed = seed
-        self._stages: list[_Stage[_Route]] = [_Stage((), seed)]
+        self._stages: list[_Stage[_Route]] = []
+        self._last: _Stage[_Route] = _Stage((), seed)
+        """Perfect, and takes the time that even a perfect network takes."""
 
     def arm(self, *faults: Fault, seed: int | None = None) -> None:
         """Let ``faults`` hold from now on; the same ``seed`` gives the same again (default: the controller's)."""
@@ -69,7 +71,7 @@ class VirtualNetwork(Generic[_Route]):
 
     def disarm(self) -> None:
         """Let no fault hold from now on; what is on its way still comes. Reports stay."""
-        for stage in self._stages[1:]:
+        for stage in self._stages:
             stage.armed = False
 
     def reports(self) -> tuple[FaultReport, ...]:
@@ -84,19 +86,29 @@ class VirtualNetwork(Generic[_Route]):
     def send(self, datagram: bytes, direction: Direction, route: _Route, *, now_ns: int) -> None:
         """Let a datagram enter."""
         self.packets[direction] += 1
-        self._stages[0].send(datagram, direction, route, now_ns=now_ns + self._latency_ns)
+        self._go_on(0, datagram, direction, route, now_ns)
 
     def next_due_ns(self) -> int | None:
         """Return when the next datagram comes out, or goes on; None while none is on the way."""
-        due = [at_ns for stage in self._stages if (at_ns := stage.network.next_due_ns()) is not None]
-        return min(due, default=None)
+        due_ns = self._last.network.next_due_ns()
+        for stage in self._stages:
+            at_ns = stage.network.next_due_ns()
+            if at_ns is not None and (due_ns is None or at_ns < due_ns):
+                due_ns = at_ns
+        return due_ns
 
     def deliver(self, take: Callable[[Direction, Arrived[_Route]], None], *, now_ns: int) -> None:
         """Hand over what has come out by ``now_ns``, in the order of time in each direction."""
-        for number, stage in enumerate(self._stages):
-            following = next((later for later in self._stages[number + 1 :] if later.armed), None)
+        for number, stage in enumerate(self._stages, start=1):
             for direction, arrived in stage.due(now_ns=now_ns):
-                if following is None:
-                    take(direction, arrived)
-                else:
-                    following.send(arrived.datagram, direction, arrived.route, now_ns=arrived.at_ns)
+                self._go_on(number, arrived.datagram, direction, arrived.route, arrived.at_ns)
+        for direction, arrived in self._last.due(now_ns=now_ns):
+            take(direction, arrived)
+
+    def _go_on(self, number: int, datagram: bytes, direction: Direction, route: _Route, at_ns: int) -> None:
+        """Let a datagram enter the first armed stage from ``number`` on, or the last one."""
+        for stage in self._stages[number:]:
+            if stage.armed:
+                stage.send(datagram, direction, route, now_ns=at_ns)
+                return
+        self._last.send(datagram, direction, route, now_ns=at_ns + self._latency_ns)

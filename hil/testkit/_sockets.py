@@ -70,7 +70,12 @@ class VirtualSocket:
         self._timeout_s = timeout_s
 
     def setblocking(self, blocks: bool, /) -> None:
-        """Wait for ever, or not at all."""
+        """Wait for ever, or not at all; raise :class:`UsageError` for an event loop in which time stands still."""
+        if not (blocks or self._world.in_virtual_loop):
+            raise UsageError(
+                "an asyncio client was opened in an ordinary event loop, where virtual time does not pass; "
+                "run it with controller.run_async(...)"
+            )
         self._timeout_s = None if blocks else 0.0
 
     def recvfrom(self, most_bytes: int, /) -> tuple[bytes, tuple[str, int]]:
@@ -112,12 +117,7 @@ class VirtualSocket:
         return tuple(self._peer)
 
     def fileno(self) -> int:
-        """Return a number that only the virtual event loop knows; raise :class:`UsageError` in another one."""
-        if not self._world.in_virtual_loop:
-            raise UsageError(
-                "an asyncio client was opened in an ordinary event loop, where virtual time does not pass; "
-                "run it with controller.run_async(...)"
-            )
+        """Return a number that only the virtual event loop knows."""
         return self.number
 
     def close(self) -> None:

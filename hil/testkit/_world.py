@@ -103,7 +103,7 @@ class World:
 
     def may_wait(self) -> bool:
         """Whether the caller may let time pass."""
-        return not self._at_work and self.in_its_thread()
+        return not self._at_work and self.in_its_thread() and self.now_ns <= self._limit_ns
 
     def serve(self, service: Callable[[], None]) -> None:
         """Call ``service`` after everything that happens, until :meth:`leave`. It may wait."""

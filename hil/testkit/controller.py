@@ -31,7 +31,6 @@ from hil.values.pose import Pose
 from hil.values.robot import Seven
 from hil.values.signals import SignalValue
 
-
 _T = TypeVar("_T")
 
 
@@ -273,5 +272,3 @@ class _VirtualOperator(Operator):
         refusal = self._world.core.operate(action, now_ns=self._world.now_ns)
         if refusal:
             raise PadRefused(refusal, {})
-
-
