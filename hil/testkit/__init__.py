@@ -16,29 +16,28 @@ Fixtures: ``hil_controller`` and ``hil_network`` (virtual time), ``hil_process``
 
 from typing import TYPE_CHECKING, Any
 
-from transport.impairment import (
-    AtPacket,
-    BurstLoss,
-    ClockSkew,
-    Corrupt,
-    Delay,
-    Direction,
-    Distribution,
-    Duplicate,
-    FaultNeverFired,
-    FaultReport,
-    HalfOpen,
-    Jitter,
-    Loss,
-    Rate,
-    Reorder,
-)
-
 if TYPE_CHECKING:
     from hil.testkit.controller import AttachedFri, VirtualController
     from hil.testkit.errors import NeverHappened, ProcessFailed, VirtualTimeOver
     from hil.testkit.operator import Operator
     from hil.testkit.process import HilProcess
+    from transport.impairment import (
+        AtPacket,
+        BurstLoss,
+        ClockSkew,
+        Corrupt,
+        Delay,
+        Direction,
+        Distribution,
+        Duplicate,
+        FaultNeverFired,
+        FaultReport,
+        HalfOpen,
+        Jitter,
+        Loss,
+        Rate,
+        Reorder,
+    )
 
 __all__ = [
     "AtPacket",
@@ -66,20 +65,21 @@ __all__ = [
 ]
 
 _HOMES = {
-    "AttachedFri": "controller",
-    "HilProcess": "process",
-    "NeverHappened": "errors",
-    "Operator": "operator",
-    "ProcessFailed": "errors",
-    "VirtualController": "controller",
-    "VirtualTimeOver": "errors",
+    "AttachedFri": "hil.testkit.controller",
+    "HilProcess": "hil.testkit.process",
+    "NeverHappened": "hil.testkit.errors",
+    "Operator": "hil.testkit.operator",
+    "ProcessFailed": "hil.testkit.errors",
+    "VirtualController": "hil.testkit.controller",
+    "VirtualTimeOver": "hil.testkit.errors",
 }
+"""The others are the network's."""
 
 
 def __getattr__(name: str) -> Any:
     # Pytest imports the plugin, and this package with it, in every run: what takes its time comes when it is asked for.
-    if name not in _HOMES:
+    if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    return getattr(import_module(_HOMES.get(name, "transport.impairment")), name)

@@ -15,7 +15,7 @@ from hil.testkit._world import UNIX_EPOCH_NS, World
 READING_NS: Final = 1_000
 """What reading a clock costs, so that a loop that waits by reading one comes to an end."""
 _REAL_FOR: Final = {"_pytest", "execnet", "hypothesis", "pluggy", "pytest_asyncio", "pytest_timeout", "xdist"} | {
-    "asyncio", "concurrent", "faulthandler", "multiprocessing", "queue", "selectors", "socket", "subprocess", "threading",
+    "asyncio", "concurrent", "faulthandler", "multiprocessing", "queue", "selectors", "socket", "threading",
 }  # fmt: skip
 """Top-level packages that measure the machine, not the application."""
 

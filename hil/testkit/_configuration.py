@@ -44,18 +44,23 @@ def configuration(marks: Sequence[tuple[tuple[Any, ...], Mapping[str, Any]]], *,
                 raise ConfigurationError(f"{_WHERE}: one station file at most, beside keys by name")
             given["station"] = positional[0]
         for key, value in given.items():
-            before = keys.get(key)
-            laid_over = key in _SECTIONS and isinstance(before, dict) and isinstance(value, Mapping)
-            keys[key] = {**before, **value} if laid_over else value
+            keys[key] = _laid_over(keys.get(key), key, value)
     ours = {key: keys.pop(key) for key in _OURS & keys.keys()}
     if "robot" in ours:
         keys["model"] = ours["robot"]
-    robot = dict(_DEFAULTS) if "station" not in ours else _robot_of(ours["station"], ours.get("robot_name"), folders)
+    robot = dict(_DEFAULTS)
+    if "station" in ours:
+        robot = _robot_of(ours["station"], ours.get("robot_name"), folders)
     for key, value in keys.items():
-        section = key in _SECTIONS and isinstance(value, Mapping)
-        robot[key] = {**(robot.get(key) or {}), **value} if section else value
+        robot[key] = _laid_over(robot.get(key), key, value)
     station = parse_station({"robot": [robot], "pad": "off"}, where=_WHERE)
     return Chosen(station, float(ours.get("limit_s", DEFAULT_LIMIT_S)))
+
+
+def _laid_over(before: object, key: str, value: object) -> object:
+    if key in _SECTIONS and isinstance(before, Mapping) and isinstance(value, Mapping):
+        return {**before, **value}
+    return value
 
 
 def _robot_of(station: str | Path, name: str | None, folders: Sequence[Path]) -> dict[str, Any]:

@@ -92,7 +92,7 @@ class VirtualSocket:
         datagram = self.take()
         if datagram is None:
             raise BlockingIOError("no datagram waits")
-        return datagram[:most_bytes], tuple(self._peer)
+        return datagram[:most_bytes], (self._peer.host, self._peer.port)
 
     def send(self, datagram: bytes, /) -> int:
         """Send to the controller."""
@@ -108,13 +108,13 @@ class VirtualSocket:
 
     def getsockname(self) -> tuple[str, int]:
         """Return host and port it is bound to."""
-        return tuple(self.local)
+        return (self.local.host, self.local.port)
 
     def getpeername(self) -> tuple[str, int]:
         """Return the controller's; raise OSError when it is not connected."""
         if not self._connected:
             raise OSError("the socket is not connected")
-        return tuple(self._peer)
+        return (self._peer.host, self._peer.port)
 
     def fileno(self) -> int:
         """Return a number that only the virtual event loop knows."""

@@ -12,15 +12,13 @@ from typing import Final
 import pytest
 from _pytest.runner import runtestprotocol
 
+from hil.testkit._stash import OWN_ID, PACKETS, REPETITION
 from hil.values.errors import ConfigurationError, UnknownName, UsageError
 from transport.impairment import AtPacket, Direction, PacketAction
 
-MARKER: Final = "each_packet"
 DEFAULT_DELAY_MS: Final = 20.0
 MOST_FAILURES: Final = 10
 """Then a sweep stops: they have one cause, as a rule, or few."""
-ITEM_ATTRIBUTE: Final = "hil_each_packet_item"
-"""Of the report of a repetition: the node id of its test."""
 _ARGUMENTS: Final = ("direction", "every", "only", "delay_ms")
 
 
@@ -96,15 +94,9 @@ class Which:
         )
 
 
-REPETITION: Final = pytest.StashKey[Repetition]()
-"""Of an item: the repetition that runs now."""
-PACKETS: Final = pytest.StashKey[Mapping[Direction, int]]()
-"""Of an item: how many packets the run that ended last had."""
-
-
 def sweeps_of(item: pytest.Item) -> list[Sweep]:
     """Return what the marks of a test ask for; raise :class:`UsageError`."""
-    return [sweep for mark in item.iter_markers(MARKER) for sweep in _sweeps(mark)]
+    return [sweep for mark in item.iter_markers("each_packet") for sweep in _sweeps(mark)]
 
 
 def repeat_for_each_packet(item: pytest.Item, nextitem: pytest.Item | None, sweeps: list[Sweep], which: Which) -> None:
@@ -168,14 +160,13 @@ def _log_failure(
     nodeid = f"{item.nodeid}[{repetition}]"
     file, line, name = item.location
     where = f"{repetition.action}:{repetition.direction}:{repetition.index}"
-    told = f"{number}: {repetition.fault}\nonly this one: pytest '{item.nodeid}' --{MARKER.replace('_', '-')} {where}"
+    told = f"{number}: {repetition.fault}\nonly this one: pytest '{item.nodeid}' --each-packet {where}"
     if last == MOST_FAILURES:
         told += f"\n{MOST_FAILURES} repetitions failed; the others were not tried"
     item.ihook.pytest_runtest_logstart(nodeid=nodeid, location=item.location)
     for report in reports:
-        report.nodeid = nodeid
         report.location = (file, line, f"{name}[{repetition}]")
-        setattr(report, ITEM_ATTRIBUTE, item.nodeid)
+        setattr(report, OWN_ID, nodeid)
         if report.failed:
             report.sections.insert(0, (f"each_packet {report.when}", told))
         item.ihook.pytest_runtest_logreport(report=report)
@@ -222,6 +213,6 @@ def _valid(names: type[PacketAction]) -> str:
 
 def _bad_choice(text: str) -> UsageError:
     return UsageError(
-        f"--each-packet {text}: a packet number is needed, if need be behind an action ({', '.join(PacketAction)}) and a "
-        f"direction ({', '.join(Direction)}): drop:to-controller:17; or none"
+        f"--each-packet {text}: a packet number is needed, if need be behind an action ({', '.join(PacketAction)}) and "
+        f"a direction ({', '.join(Direction)}): drop:to-controller:17; or none"
     )

@@ -24,7 +24,7 @@ from hil.testkit._sockets import VirtualSocket
 from hil.testkit._world import Route, World, WorldClock
 from hil.testkit.errors import NeverHappened, told
 from hil.testkit.operator import Operator
-from hil.values.errors import ConfigurationError, UsageError
+from hil.values.errors import ConfigurationError, UnknownName, UsageError
 from hil.values.fri import Quality, SessionState
 from hil.values.operator import OperatorAction, OperatorView
 from hil.values.pose import Pose
@@ -113,7 +113,7 @@ class VirtualController:
         return AttachedFri(self._world, ClientSession(fri.release, handler), sock)
 
     def shut_down(self) -> None:
-        """End the controller in order: the arm brakes, all sessions are closed. An application sees what it would see."""
+        """End the controller in order: the arm brakes, all sessions are closed. Clients see that."""
         self._world.core.close(now_ns=self._world.now_ns)
 
     # What there is to see
@@ -201,8 +201,9 @@ class VirtualController:
         """Return the value of the input or output ``Group.Name``."""
         report = self._world.core.signals.report()
         if name not in report:
-            raise UsageError(f"there is no input or output {name!r}; there are: {', '.join(report) or 'none'}")
-        value: SignalValue = report[name]["value"]  # type: ignore[index]
+            raise UnknownName("input or output", name, report)
+        value = report[name]["value"]
+        assert isinstance(value, bool | int | float)  # noqa: S101  # signals have no other values
         return value
 
     def report(self) -> dict[str, Any]:

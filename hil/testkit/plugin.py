@@ -6,30 +6,25 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from hil.testkit._sweep import (
-    ITEM_ATTRIBUTE,
-    MARKER,
-    PACKETS,
-    REPETITION,
-    Which,
-    repeat_for_each_packet,
-    sweeps_of,
-)
+from hil.testkit._stash import CONTROLLER, OWN_ID, PACKETS, REPETITION
 from hil.values.errors import HilError
 
 if TYPE_CHECKING:
     from hil.testkit._configuration import Chosen
     from hil.testkit._network import VirtualNetwork
+    from hil.testkit._sweep import Which
     from hil.testkit.controller import VirtualController
     from hil.testkit.process import HilProcess
 
 _VIRTUAL = "hil_controller"
-_CONTROLLER = pytest.StashKey["VirtualController"]()
-_MARKERS = (
+_MARKER = "each_packet"
+_HIL = (
     "hil(station=None, /, robot=..., backend=..., mode=..., fri={...}, servo={...}, limit_s=600, ...): the controller "
-    "of hil_controller or hil_process: a station file, or keys of one; robot is the model.",
-    f"{MARKER}(*actions, direction=None, every=1, only=None, delay_ms=20): run the test again for each packet, with "
-    "that packet hit by drop, delay, duplicate or corrupt.",
+    "of hil_controller or hil_process: a station file, or keys of one; robot is the model."
+)
+_EACH_PACKET = (
+    f"{_MARKER}(*actions, direction=None, every=1, only=None, delay_ms=20): run the test again for each packet, with "
+    "that packet hit by drop, delay, duplicate or corrupt."
 )
 
 
@@ -45,16 +40,20 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Make the markers known, and read the option."""
-    for marker in _MARKERS:
+    for marker in (_HIL, _EACH_PACKET):
         config.addinivalue_line("markers", marker)
-    _which(config)
+    config.pluginmanager.register(_Reports(config), "hil-each-packet")
+    if config.getoption("--each-packet") is not None:
+        _which(config)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Refuse marks of ``each_packet`` that cannot work, before the first test runs."""
     for item in items:
-        if item.get_closest_marker(MARKER) is None:
+        if item.get_closest_marker(_MARKER) is None:
             continue
+        from hil.testkit._sweep import sweeps_of
+
         try:
             sweeps_of(item)
         except HilError as error:
@@ -68,8 +67,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
     """Run a test of ``each_packet`` again and again."""
-    if item.get_closest_marker(MARKER) is None:
+    if item.get_closest_marker(_MARKER) is None:
         return None
+    from hil.testkit._sweep import repeat_for_each_packet, sweeps_of
+
     repeat_for_each_packet(item, nextitem, sweeps_of(item), _which(item.config))
     return True
 
@@ -78,7 +79,7 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, None, None]:
     """Fail a test that passed although something it arranged for never happened; count its packets."""
     result = yield
-    controller = item.stash.get(_CONTROLLER, None)
+    controller = item.stash.get(CONTROLLER, None)
     if controller is not None:
         item.stash[PACKETS] = dict(controller.network.packets)
         try:
@@ -88,24 +89,25 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, None, None]:
     return result
 
 
-@pytest.hookimpl(trylast=True)
-def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """Let ``--last-failed`` repeat the test of a repetition that failed."""
-    item = getattr(report, ITEM_ATTRIBUTE, None)
-    if item is not None and report.failed and _last_failed is not None:
-        _last_failed.pop(report.nodeid, None)
-        _last_failed[item] = True
+class _Reports:
+    """Gives reports of repetitions their own ids, and lets ``--last-failed`` repeat the test they are of."""
 
+    def __init__(self, config: pytest.Config) -> None:
+        self._config = config
 
-_last_failed: dict[str, bool] | None = None
-
-
-def pytest_sessionstart(session: pytest.Session) -> None:
-    """Find what ``--last-failed`` remembers."""
-    global _last_failed  # noqa: PLW0603  # pytest_runtest_logreport is handed no session
-    plugin = session.config.pluginmanager.get_plugin("lfplugin")
-    found = getattr(plugin, "lastfailed", None)
-    _last_failed = found if isinstance(found, dict) else None
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> Generator[None, None, None]:
+        nodeid, own_id = report.nodeid, getattr(report, OWN_ID, None)
+        # A worker of pytest-xdist may report the tests it was given and no others: there the other end does it.
+        if own_id is None or hasattr(self._config, "workerinput"):
+            return (yield)
+        report.nodeid = own_id
+        result = yield
+        last_failed = getattr(self._config.pluginmanager.get_plugin("lfplugin"), "lastfailed", None)
+        if report.failed and isinstance(last_failed, dict):
+            last_failed.pop(own_id, None)
+            last_failed[nodeid] = True
+        return result
 
 
 @pytest.fixture
@@ -126,9 +128,9 @@ def hil_controller(request: pytest.FixtureRequest) -> Iterator["VirtualControlle
         repetition = stash.get(REPETITION, None)
         if repetition is not None:
             controller.network.arm(repetition.fault)
-        stash[_CONTROLLER] = controller
+        stash[CONTROLLER] = controller
         yield controller
-        del stash[_CONTROLLER]
+        del stash[CONTROLLER]
         for fault in controller.network.reports():
             item.add_report_section("teardown", "hil faults", f"{fault}\n")
         item.add_report_section("teardown", "hil controller", "\n".join(controller.told()[-30:]))
@@ -159,7 +161,9 @@ def _chosen(request: pytest.FixtureRequest) -> "Chosen":
     return configuration(marks, folders=folders)
 
 
-def _which(config: pytest.Config) -> Which:
+def _which(config: pytest.Config) -> "Which":
+    from hil.testkit._sweep import Which
+
     try:
         return Which.parse(config.getoption("--each-packet"))
     except HilError as error:
