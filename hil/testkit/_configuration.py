@@ -8,7 +8,7 @@ from typing import Any, Final
 from hil.config.station import RobotConfig, Station, load_station, parse_station
 from hil.values.errors import ConfigurationError, UnknownName
 
-DEFAULT_LIMIT_S: Final = 600.0
+DEFAULT_LIMIT_S: Final = 120.0
 _WHERE: Final = "@pytest.mark.hil"
 _DEFAULTS: Final[Mapping[str, Any]] = {"backend": "ideal", "fri": {}, "servo": {}}
 """Without a station file: both links, and the arm that costs least."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(eq=False)
 class Order:
-    """One action that is to come; ``condition`` None: at ``at_ns``."""
+    """One action that is to come: when ``condition`` holds, or at ``at_ns``; ``what`` is for people."""
 
     what: str
     action: Callable[[], object]

@@ -17,9 +17,10 @@ if TYPE_CHECKING:
     from hil.testkit.process import HilProcess
 
 _VIRTUAL = "hil_controller"
+_EVENTS_SHOWN = 30
 _MARKER = "each_packet"
 _HIL = (
-    "hil(station=None, /, robot=..., backend=..., mode=..., fri={...}, servo={...}, limit_s=600, ...): the controller "
+    "hil(station=None, /, robot=..., backend=..., mode=..., fri={...}, servo={...}, limit_s=120, ...): the controller "
     "of hil_controller or hil_process: a station file, or keys of one; robot is the model."
 )
 _EACH_PACKET = (
@@ -82,10 +83,8 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, None, None]:
     controller = item.stash.get(CONTROLLER, None)
     if controller is not None:
         item.stash[PACKETS] = dict(controller.network.packets)
-        try:
-            controller.require_happened()
-        except HilError as error:
-            pytest.fail(str(error), pytrace=False)
+        if never := controller.never_happened():
+            pytest.fail(never, pytrace=False)
     return result
 
 
@@ -131,9 +130,9 @@ def hil_controller(request: pytest.FixtureRequest) -> Iterator["VirtualControlle
         stash[CONTROLLER] = controller
         yield controller
         del stash[CONTROLLER]
-        for fault in controller.network.reports():
-            item.add_report_section("teardown", "hil faults", f"{fault}\n")
-        item.add_report_section("teardown", "hil controller", "\n".join(controller.told()[-30:]))
+        if faults := "\n".join(map(str, controller.network.reports())):
+            item.add_report_section("teardown", "hil faults", faults)
+        item.add_report_section("teardown", "hil controller", "\n".join(controller.told()[-_EVENTS_SHOWN:]))
 
 
 @pytest.fixture
