@@ -1,4 +1,4 @@
-"""Clocks. Only this module reads one, or waits on one; it is for the shells, the client library and the tools.
+"""Clocks. Only this module reads one; it is for the shells, the client library, the tools and the tests.
 
 The core is handed its time. What the client library measures decides how long a wait for a datagram may still last and
 how long a call took, and nothing else: no message, no command and no callback depends on it. A test that runs client
@@ -8,7 +8,7 @@ code in virtual time puts another clock under it with :func:`using`.
 import asyncio
 import math
 import threading
-import time
+import time  # noqa: TID251  # the one module that may
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Protocol

@@ -7,7 +7,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -74,9 +73,9 @@ def killed(address: str, observer: ServoClient, *, after_s: float) -> tuple[int,
     assert process.stdout is not None
     assert process.stdout.readline() == "moves\n"
     fast = 0.9 * LIMITS.velocity_rad_s[0]
-    not_before = time.monotonic() + after_s
+    not_before_ns = observer.read_state().now_ns + int(after_s * 1e9)
     for before, after in itertools.pairwise(observer.states()):
-        if time.monotonic() > not_before and after.now_ns > before.now_ns and speed(before, after) > fast:
+        if after.now_ns > not_before_ns and after.now_ns > before.now_ns and speed(before, after) > fast:
             break
     process.send_signal(signal.SIGKILL)
     process.communicate()

@@ -2,12 +2,12 @@
 
 import socket
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TypeVar
 
+from hil.clock import Clock, MonotonicClock
 from tests.support.servo_controller import StandIn
 from transport.servo import ServoCodec
 
@@ -28,6 +28,7 @@ class Served:
     """Whether it neither hears nor says anything."""
     _lock: threading.Condition = field(default_factory=threading.Condition)
     _over: bool = False
+    _clock: Clock = field(default_factory=MonotonicClock)
 
     @property
     def address(self) -> str:
@@ -46,7 +47,7 @@ class Served:
 
     def serve(self) -> None:
         """Serve until :meth:`stop`."""
-        due_ns = time.monotonic_ns()
+        due_ns = self._clock.now_ns()
         while not self._over:
             due_ns += TICK_NS
             self._receive_until(due_ns)
@@ -63,7 +64,7 @@ class Served:
         self._over = True
 
     def _receive_until(self, due_ns: int) -> None:
-        while (left_ns := due_ns - time.monotonic_ns()) > 0:
+        while (left_ns := due_ns - self._clock.now_ns()) > 0:
             self.sock.settimeout(left_ns * 1e-9)
             try:
                 datagram, client = self.sock.recvfrom(2048)
