@@ -178,11 +178,14 @@ async def open_peer_endpoint(*, bind: Address, peer: Address) -> PeerEndpoint:
     return PeerEndpoint(peer=peer, connected=connected, others=others)
 
 
-async def open_server_endpoint(bind: Address) -> ServerEndpoint:
-    """Bind ``bind`` (port 0: any free one) for whoever sends; raise :class:`EndpointError` in one sentence."""
+async def open_server_endpoint(bind: Address, *, in_use: str = _SERVED) -> ServerEndpoint:
+    """Bind ``bind`` (port 0: any free one) for whoever sends; raise :class:`EndpointError` in one sentence.
+
+    The sentence ends with ``in_use`` where the port is taken.
+    """
     sock = _socket()
     try:
-        bind_socket(sock, bind, in_use=_SERVED)
+        bind_socket(sock, bind, in_use=in_use)
         sock.setblocking(False)
         if sys.platform == "linux":
             # Without it an unconnected socket is not told that nobody listens where it sends to.

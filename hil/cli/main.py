@@ -31,10 +31,11 @@ def options(version: Annotated[bool, typer.Option("--version", help="Print the v
 def _add_commands(first: str) -> None:
     """Add the commands; a pad, whose keys should work at once, does not wait for what only the others import."""
     if first != "pad":
-        from hil.cli import bench, config, demo, run
+        from hil.cli import bench, config, demo, impair, run
 
         app.command("run")(run.run)
         app.command("demo")(demo.demo)
+        app.command("impair")(impair.impair)
         app.add_typer(bench.app, name="bench")
         app.add_typer(config.app, name="config")
     app.add_typer(pad.app, name="pad")

@@ -3,10 +3,6 @@
 import asyncio
 import gc
 import json
-import os
-import signal
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +14,7 @@ from hil.core.events import Event
 from hil.core.servo.link import SERVO_LINK
 from hil.runtime.assembly import link_addresses
 from hil.runtime.console import Console
+from hil.runtime.lifetime import check_result_file, repeated, stop_on_signals
 from hil.runtime.operator_channel import OperatorChannel
 from hil.runtime.progress import progress_line
 from hil.runtime.realtime import Wish, ask_for_realtime
@@ -69,7 +66,7 @@ class _Run:
 
     async def run(self) -> RunResult:
         # Signals ask for an orderly end from here to the last written byte, however often they come.
-        with _stop_on_signals(self._stop):
+        with stop_on_signals(self._stop):
             result = await self._run()
             if self._options.status_json is not None:
                 text = json.dumps(result.status, indent=2) + "\n"
@@ -157,7 +154,7 @@ class _Run:
             self._console.say(f"realtime: {wish.what}: {'yes' if wish.granted else 'NOT GRANTED'}, {wish.detail}")
 
     async def _serve(self) -> str | None:
-        with _repeated(self._options.progress_s, self._say_progress):
+        with repeated(self._options.progress_s, self._say_progress):
             deadline = None
             if self._options.duration_s is not None:
                 deadline = asyncio.get_running_loop().call_later(self._options.duration_s, self._stop)
@@ -216,45 +213,7 @@ def _serving(robot: RobotProcess) -> str:
     return text
 
 
-@contextmanager
-def _stop_on_signals(stop: Callable[[], None]) -> Iterator[None]:
-    loop = asyncio.get_running_loop()
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    for number in numbers:
-        loop.add_signal_handler(number, stop)
-    try:
-        yield
-    finally:
-        for number in numbers:
-            loop.remove_signal_handler(number)
-
-
-@contextmanager
-def _repeated(period_s: float, action: Callable[[], None]) -> Iterator[None]:
-    loop = asyncio.get_running_loop()
-    handles: list[asyncio.TimerHandle] = []
-
-    def again() -> None:
-        handles[:] = [loop.call_later(period_s, again)]
-        action()
-
-    if period_s > 0:
-        handles.append(loop.call_later(period_s, again))
-    try:
-        yield
-    finally:
-        for handle in handles:
-            handle.cancel()
-
-
 def _check_status_file(file: Path | None, *, capture: Path | None) -> None:
-    if file is None:
-        return
-    if not file.parent.is_dir():
-        raise ConfigurationError(f"cannot write {file}: there is no folder {file.parent}")
-    if file.is_dir():
-        raise ConfigurationError(f"cannot write {file}: that is a folder")
-    if not os.access(file if file.exists() else file.parent, os.W_OK):
-        raise ConfigurationError(f"cannot write {file}: permission denied")
-    if capture is not None and file.resolve() == capture.resolve():
+    check_result_file(file)
+    if file is not None and capture is not None and file.resolve() == capture.resolve():
         raise ConfigurationError(f"{file} cannot be both the status file and the capture")

@@ -2,6 +2,7 @@
 
 import ctypes
 import errno
+import functools
 import os
 import sys
 
@@ -27,16 +28,33 @@ def available() -> bool:
 
 def open_periodic(*, first_due_ns: int, period_ns: int) -> int:
     """Return a non-blocking timerfd that expires at absolute CLOCK_MONOTONIC times; raise OSError."""
-    libc = ctypes.CDLL(None, use_errno=True)
-    descriptor: int = libc.timerfd_create(CLOCK_MONOTONIC, _TFD_NONBLOCK | _TFD_CLOEXEC)
+    descriptor = open_timer()
+    try:
+        arm(descriptor, due_ns=first_due_ns, period_ns=period_ns)
+    except OSError:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def open_timer() -> int:
+    """Return a non-blocking timerfd that is not armed; raise OSError."""
+    descriptor: int = _libc().timerfd_create(CLOCK_MONOTONIC, _TFD_NONBLOCK | _TFD_CLOEXEC)
     if descriptor < 0:
         raise _last_error("timerfd_create")
-    spec = _TimerSpec(_TimeSpec(*divmod(period_ns, _NS_PER_S)), _TimeSpec(*divmod(first_due_ns, _NS_PER_S)))
-    if libc.timerfd_settime(descriptor, _TFD_TIMER_ABSTIME, ctypes.byref(spec), None) < 0:
-        error = _last_error("timerfd_settime")
-        os.close(descriptor)
-        raise error
     return descriptor
+
+
+def arm(descriptor: int, *, due_ns: int, period_ns: int = 0) -> None:
+    """Let it expire at an absolute CLOCK_MONOTONIC time, once or every ``period_ns`` from there; 0: never."""
+    spec = _TimerSpec(_TimeSpec(*divmod(period_ns, _NS_PER_S)), _TimeSpec(*divmod(due_ns, _NS_PER_S)))
+    if _libc().timerfd_settime(descriptor, _TFD_TIMER_ABSTIME, ctypes.byref(spec), None) < 0:
+        raise _last_error("timerfd_settime")
+
+
+@functools.cache
+def _libc() -> ctypes.CDLL:
+    return ctypes.CDLL(None, use_errno=True)
 
 
 def _last_error(what: str) -> OSError:

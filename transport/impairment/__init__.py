@@ -23,8 +23,10 @@ from transport.impairment.faults import (
 )
 from transport.impairment.network import Delivery, Network
 from transport.impairment.report import FaultNeverFired, FaultReport, PacketId
+from transport.impairment.texts import FAULT_TEXTS, parse_fault
 
 __all__ = [
+    "FAULT_TEXTS",
     "AtPacket",
     "BurstLoss",
     "ClockSkew",
@@ -45,4 +47,5 @@ __all__ = [
     "PacketId",
     "Rate",
     "Reorder",
+    "parse_fault",
 ]

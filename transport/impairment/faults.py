@@ -188,7 +188,8 @@ class Duplicate(Fault):
         _check_duration("time to the duplicate", self.after_ns, shortest_ns=0)
 
     def __str__(self) -> str:
-        return f"duplicate={percent_text(self.share)}/{duration_text(self.after_ns)}{_suffix(self.direction)}"
+        after = f"/{duration_text(self.after_ns)}" if self.after_ns else ""
+        return f"duplicate={percent_text(self.share)}{after}{_suffix(self.direction)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,7 +236,7 @@ class Rate(Fault):
 class HalfOpen(Fault):
     """All in ``direction`` is lost from ``from_ns`` on, until ``until_ns`` or for good; the other direction lives.
 
-    Both are times of the axis the network is used on: in ``hil impair`` since its start.
+    Both are times of the axis the network is used on: in ``hil impair`` since the first datagram.
     """
 
     direction: Direction

@@ -36,6 +36,8 @@ class Delivery(NamedTuple):
     direction: Direction
     datagram: bytes
     packet: PacketId
+    route: object = None
+    """What was given beside the datagram when it entered."""
 
 
 class _OnTheWay(NamedTuple):
@@ -79,8 +81,11 @@ class Network:
         """How many datagrams, copies included, have not left yet."""
         return len(self._on_the_way)
 
-    def send(self, datagram: bytes, direction: Direction, *, now_ns: int) -> None:
-        """Let a datagram enter. In each direction time must not go back: raises :class:`UsageError`."""
+    def send(self, datagram: bytes, direction: Direction, *, now_ns: int, route: object = None) -> None:
+        """Let a datagram enter. In each direction time must not go back: raises :class:`UsageError`.
+
+        ``route`` comes out beside it: whatever the user needs to know where it goes on to.
+        """
         if now_ns < self._latest_ns.get(direction, now_ns):
             raise UsageError(
                 f"a datagram enters {direction} at {now_ns} ns, before the last at {self._latest_ns[direction]} ns: "
@@ -91,7 +96,7 @@ class Network:
             self._origin_ns = now_ns
         packet = PacketId(direction, self._entered[direction])
         self._entered[direction] += 1
-        passage = Passage(packet, self._next_turn(), datagram, now_ns, now_ns, self._origin_ns)
+        passage = Passage(packet, self._next_turn(), datagram, now_ns, now_ns, self._origin_ns, route)
         for stage in self._stages[direction]:
             stage.meet(passage)
             if passage.lost:
@@ -143,7 +148,7 @@ class Network:
             self._full.fire(passage.packet, lost=1)
             return
         self._bytes += size
-        delivery = Delivery(at_ns, passage.packet.direction, passage.datagram, passage.packet)
+        delivery = Delivery(at_ns, passage.packet.direction, passage.datagram, passage.packet, passage.route)
         insort(self._on_the_way, _OnTheWay(at_ns, number, number, delivery))
 
     def _let_go(self, number: int, at_ns: int) -> None:

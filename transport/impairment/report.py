@@ -47,10 +47,14 @@ class FaultReport:
 
     @property
     def packets_text(self) -> str:
-        """Those packets in words, with what was left out."""
-        left_out = self.fired - len(self.packets)
-        parts = [_numbers(self.first), f"{left_out} more" if left_out else "", _numbers(self.last)]
-        return ", ".join(part for part in parts if part)
+        """Those packets in words, by direction; three dots stand for what was left out."""
+        gap = " ... " if self.fired > len(self.packets) else ", "
+        parts = []
+        for direction in Direction:
+            ends = [_numbers(packets, direction) for packets in (self.first, self.last)]
+            if any(ends):
+                parts.append(f"{direction} {gap.join(filter(None, ends))}")
+        return "; ".join(parts)
 
     def __str__(self) -> str:
         if not self.fired:
@@ -91,11 +95,5 @@ class Tally:
         )
 
 
-def _numbers(packets: Sequence[PacketId]) -> str:
-    """Return the packets in words; a direction is named once for those that follow on each other."""
-    words: list[str] = []
-    before: Direction | None = None
-    for packet in packets:
-        words.append(str(packet.number) if packet.direction is before else str(packet))
-        before = packet.direction
-    return ", ".join(words)
+def _numbers(packets: Sequence[PacketId], direction: Direction) -> str:
+    return ", ".join(str(packet.number) for packet in packets if packet.direction is direction)

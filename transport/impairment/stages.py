@@ -50,6 +50,7 @@ class Passage:
     """When it arrives, as far as the stages so far say."""
     origin_ns: int
     """When the first datagram of the network entered."""
+    route: object = None
     lost: bool = False
     copies_ns: list[int] = field(default_factory=list)
     """When copies of it arrive."""

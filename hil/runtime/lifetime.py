@@ -1,0 +1,55 @@
+"""What every long-running command does alike: an orderly end, a line now and then, a result that can be written."""
+
+import asyncio
+import os
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from hil.values.errors import ConfigurationError
+
+
+@contextmanager
+def stop_on_signals(stop: Callable[[], None]) -> Iterator[None]:
+    """Call ``stop`` at SIGINT and SIGTERM, however often they come."""
+    loop = asyncio.get_running_loop()
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    for number in numbers:
+        loop.add_signal_handler(number, stop)
+    try:
+        yield
+    finally:
+        for number in numbers:
+            loop.remove_signal_handler(number)
+
+
+@contextmanager
+def repeated(period_s: float, action: Callable[[], None]) -> Iterator[None]:
+    """Call ``action`` about every ``period_s`` seconds; never for 0."""
+    loop = asyncio.get_running_loop()
+    handles: list[asyncio.TimerHandle] = []
+
+    def again() -> None:
+        handles[:] = [loop.call_later(period_s, again)]
+        action()
+
+    if period_s > 0:
+        handles.append(loop.call_later(period_s, again))
+    try:
+        yield
+    finally:
+        for handle in handles:
+            handle.cancel()
+
+
+def check_result_file(file: Path | None) -> None:
+    """Raise :class:`ConfigurationError` now where ``file`` could not be written at the end."""
+    if file is None:
+        return
+    if not file.parent.is_dir():
+        raise ConfigurationError(f"cannot write {file}: there is no folder {file.parent}")
+    if file.is_dir():
+        raise ConfigurationError(f"cannot write {file}: that is a folder")
+    if not os.access(file if file.exists() else file.parent, os.W_OK):
+        raise ConfigurationError(f"cannot write {file}: permission denied")
