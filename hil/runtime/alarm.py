@@ -4,8 +4,8 @@ import asyncio
 import os
 from abc import ABC, abstractmethod
 
+from hil.clock import Clock
 from hil.runtime import timer
-from hil.runtime.clock import Clock
 
 
 class Alarm(ABC):

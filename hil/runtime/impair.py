@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from hil.runtime.clock import Clock, MonotonicClock
+from hil.clock import Clock, MonotonicClock
 from hil.runtime.console import Console
 from hil.runtime.lifetime import check_result_file, repeated, stop_on_signals
 from hil.runtime.relay import Relay, open_relay

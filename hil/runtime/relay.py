@@ -5,9 +5,9 @@ from collections.abc import Awaitable, Callable, Coroutine
 from dataclasses import dataclass
 from typing import Final, cast
 
+from hil.clock import Clock
 from hil.core.statistics import Histogram
 from hil.runtime.alarm import open_alarm
-from hil.runtime.clock import Clock
 from hil.values.errors import ConfigurationError, EndpointError
 from hil.values.link import Address
 from transport.impairment import Delivery, Direction, Network

@@ -5,7 +5,7 @@ that was bound before (``from time import sleep``) is not replaced.
 """
 
 import inspect
-import time
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Final
@@ -43,6 +43,8 @@ def virtual_time_module(world: World) -> Iterator[None]:
         "time": lambda: (UNIX_EPOCH_NS + read_ns()) * 1e-9,
         "time_ns": lambda: UNIX_EPOCH_NS + read_ns(),
     }
+    # Not imported, as everywhere but in hil.clock: what is done to it here concerns the module that others imported.
+    time = sys.modules["time"]
     real = {name: getattr(time, name) for name in virtual}
     for name, function in virtual.items():
         setattr(time, name, _for_applications(world, function, real[name]))

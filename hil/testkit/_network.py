@@ -1,11 +1,11 @@
 """The network between application and virtual controller: faults can be armed and disarmed while datagrams pass."""
 
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final, Generic, NamedTuple, TypeVar
 
 from hil.values.errors import UsageError
-from transport.impairment import Direction, Fault, FaultReport, Network, PacketId
+from transport.impairment import Direction, Fault, FaultReport, Network, PacketId, parse_fault
 
 ROUTES_REMEMBERED: Final = 65_536
 """Of so many packets the way is known, more than any network holds back; what is older than that goes nowhere."""
@@ -24,7 +24,7 @@ class Arrived(NamedTuple, Generic[_Route]):
 class _Stage(Generic[_Route]):
     """Faults that were armed together, and the ways of the packets in there."""
 
-    def __init__(self, faults: tuple[Fault, ...], seed: int) -> None:
+    def __init__(self, faults: Sequence[Fault], seed: int) -> None:
         self.network = Network(faults, seed=seed)
         self.armed = True
         self._routes: OrderedDict[PacketId, _Route] = OrderedDict()
@@ -60,14 +60,18 @@ class VirtualNetwork(Generic[_Route]):
         self._last: _Stage[_Route] = _Stage((), seed)
         """Perfect, and takes the time that even a perfect network takes."""
 
-    def arm(self, *faults: Fault, seed: int | None = None) -> None:
-        """Let ``faults`` hold from now on; the same ``seed`` gives the same again (default: the controller's)."""
+    def arm(self, *faults: Fault | str, seed: int | None = None) -> None:
+        """Let ``faults`` hold from now on; the same ``seed`` gives the same again (default: the controller's).
+
+        A text is one as ``hil impair --fault`` takes it. Raises :class:`UsageError` for what is none.
+        """
         if not faults:
             raise UsageError("no fault to arm; give at least one, for example Loss(0.02)")
-        for fault in faults:
+        read = [parse_fault(fault) if isinstance(fault, str) else fault for fault in faults]
+        for fault in read:
             if not isinstance(fault, Fault):
                 raise UsageError(f"{fault!r} is no fault; see hil.testkit for all of them, for example Loss(0.02)")
-        self._stages.append(_Stage(faults, self._seed if seed is None else seed))
+        self._stages.append(_Stage(read, self._seed if seed is None else seed))
 
     def disarm(self) -> None:
         """Let no fault hold from now on; what is on its way still comes. Reports stay."""

@@ -4,9 +4,9 @@ import asyncio
 
 import pytest
 
+from hil.clock import MonotonicClock
 from hil.runtime import timer
 from hil.runtime.alarm import Alarm, LoopAlarm, TimerFdAlarm
-from hil.runtime.clock import MonotonicClock
 
 MS = 1_000_000
 HOUR_NS = 3_600_000 * MS
