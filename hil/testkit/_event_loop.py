@@ -1,12 +1,11 @@
 """An event loop in virtual time: what asyncio would wait for in the kernel lets time pass instead."""
 
 import asyncio
-import math
 import selectors
 from collections.abc import Coroutine, Mapping
 from typing import Any, Final, TypeVar
 
-from hil.testkit._sockets import FIRST_FILE_NUMBER
+from hil.testkit._sockets import FIRST_FILE_NUMBER, whole_ns
 from hil.testkit._world import World
 
 PASS_NS: Final = 1_000
@@ -66,12 +65,11 @@ class _VirtualSelector(selectors.BaseSelector):
         return key
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        ready = self._real.select(0)
-        if not ready:
-            wait_ns = PASS_NS if timeout is None else max(PASS_NS, math.ceil(timeout * 1e9))
-            until_ns = None if timeout is None else self._world.now_ns + wait_ns
-            self._world.wait(self._any_ready, until_ns=until_ns)
-        return ready + [(key, selectors.EVENT_READ) for key in self._keys.values() if self._is_ready(key)]
+        until_ns = None if timeout is None else self._world.now_ns + max(PASS_NS, whole_ns(timeout))
+        self._world.wait(self._any_ready, until_ns=until_ns)
+        return self._real.select(0) + [
+            (key, selectors.EVENT_READ) for key in self._keys.values() if self._is_ready(key)
+        ]
 
     def get_map(self) -> Mapping[Any, selectors.SelectorKey]:
         return {**self._real.get_map(), **self._keys}
@@ -85,7 +83,7 @@ class _VirtualSelector(selectors.BaseSelector):
         self._keys.clear()
 
     def _any_ready(self) -> bool:
-        return any(map(self._is_ready, self._keys.values()))
+        return any(map(self._is_ready, self._keys.values())) or bool(self._real.select(0))
 
     def _is_ready(self, key: selectors.SelectorKey) -> bool:
         sock = self._world.socket_of(key.fd)

@@ -4,13 +4,12 @@ In between two calls the client's own thread would keep the session alive and te
 :meth:`VirtualPump.serve` after everything that happens, which does the same.
 """
 
-import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
 from hil.client.servo._link import FAREWELLS, Link
 from hil.client.servo._operations import Operation, Wait
-from hil.testkit._sockets import POLL_NS, VirtualSocket
+from hil.testkit._sockets import POLL_NS, VirtualSocket, whole_ns
 
 if TYPE_CHECKING:
     from hil.testkit._world import World
@@ -82,7 +81,7 @@ class VirtualPump:
                 self._telling = False
 
     def _wait(self, wait: Wait) -> bool:
-        until_ns = None if wait.timeout_s is None else self._world.now_ns + math.ceil(wait.timeout_s * 1e9)
+        until_ns = None if wait.timeout_s is None else self._world.now_ns + whole_ns(wait.timeout_s)
         before, self._until = self._until, wait.until
         try:
             self.serve()

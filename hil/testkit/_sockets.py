@@ -1,6 +1,5 @@
 """What stands for a UDP socket in virtual time: waiting on it lets time pass."""
 
-import math
 import socket
 from collections import deque
 from collections.abc import Callable
@@ -18,6 +17,11 @@ POLL_NS: Final = 20_000
 """What looking for a datagram without waiting costs, so that a loop that only looks comes to an end."""
 FIRST_FILE_NUMBER: Final = 1 << 20
 """Of the virtual sockets; a process has no such files."""
+
+
+def whole_ns(seconds: float) -> int:
+    """Return a wait in ns; one that is not over takes at least 1 ns, so that it comes to an end."""
+    return 0 if seconds <= 0.0 else max(1, round(seconds * 1e9))
 
 
 class VirtualSocket:
@@ -84,7 +88,7 @@ class VirtualSocket:
         if self._timeout_s is None:
             self._world.wait(lambda: self.readable, until_ns=None)
         elif self._timeout_s > 0.0:
-            until_ns = self._world.now_ns + math.ceil(self._timeout_s * 1e9)
+            until_ns = self._world.now_ns + whole_ns(self._timeout_s)
             if not self._world.wait(lambda: self.readable, until_ns=until_ns):
                 raise TimeoutError("timed out")
         elif not self.readable:

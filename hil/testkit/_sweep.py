@@ -96,7 +96,9 @@ class Which:
 
 def sweeps_of(item: pytest.Item) -> list[Sweep]:
     """Return what the marks of a test ask for; raise :class:`UsageError`."""
-    return [sweep for mark in item.iter_markers("each_packet") for sweep in _sweeps(mark)]
+    marks = list(item.iter_markers("each_packet"))
+    # The closest comes first there, and a test's own from the lowest to the highest line.
+    return [sweep for mark in reversed(marks) for sweep in _sweeps(mark)]
 
 
 def repeat_for_each_packet(item: pytest.Item, nextitem: pytest.Item | None, sweeps: list[Sweep], which: Which) -> None:
@@ -130,6 +132,7 @@ def repeat_for_each_packet(item: pytest.Item, nextitem: pytest.Item | None, swee
         for report in first:
             hook.pytest_runtest_logreport(report=report)
     # What was kept for the next repetition and the next test does not need.
+    item._report_sections.clear()
     call = pytest.CallInfo.from_call(lambda: item.session._setupstate.teardown_exact(nextitem), when="teardown")
     if call.excinfo is not None:
         hook.pytest_runtest_logreport(report=hook.pytest_runtest_makereport(item=item, call=call))
