@@ -74,8 +74,8 @@ def test_a_link_that_dies_one_way_ends_the_motion_and_brakes_the_arm(hil_control
     assert "silent" in str(hil_controller.last_stop)
 
 
-@pytest.mark.each_packet("drop", "duplicate", "corrupt", every=6)
-@pytest.mark.each_packet("delay", every=6, delay_ms=30)
+@pytest.mark.each_packet("drop", "duplicate", "corrupt", every=10)
+@pytest.mark.each_packet("delay", every=10, delay_ms=30)
 def test_it_survives_whatever_happens_to_a_single_packet(hil_controller: VirtualController) -> None:
     start = hil_controller.measured_position_rad
     near = (start[0] + 0.02, *start[1:])

@@ -17,8 +17,8 @@ def commanding(controller: VirtualController) -> bool:
 def test_the_program_sways(hil_controller: VirtualController) -> None:
     seen: list[float] = []
     start = hil_controller.measured_position_rad[AXIS]
-    hil_controller.after(4.0, lambda: seen.append(hil_controller.measured_position_rad[AXIS]))
-    assert run(Sway(), seconds=6.0) == 1200
+    hil_controller.after(3.0, lambda: seen.append(hil_controller.measured_position_rad[AXIS]))
+    assert run(Sway(), seconds=4.0) == 800
     assert hil_controller.quality is Quality.EXCELLENT
     assert abs(seen[0] - start) > 0.02
 
@@ -52,7 +52,7 @@ def test_t1_lets_a_slow_sine_pass_and_stops_a_fast_one(
 def test_loss_and_jitter_do_not_stop_it(hil_controller: VirtualController) -> None:
     hil_controller.network.arm(Loss(0.01), Jitter(1_000_000), seed=1)
     sway = Sway()
-    run(sway, seconds=10.0)
+    run(sway, seconds=6.0)
     assert sway.motions == 1
     assert not hil_controller.stops
 

@@ -1,0 +1,93 @@
+"""``hil_process``: a real controller process, on addresses of its own, and what it said when the test fails."""
+
+from pathlib import Path
+
+import pytest
+
+import hil.testkit.controller
+import hil.testkit.process  # noqa: F401  # pytester forgets what it imported, and numpy cannot be imported twice
+from hil.client.fri import FriClient, FriHandler, Release
+from hil.client.pad import PadRefused
+from hil.client.servo import PTP, ServoClient
+from hil.testkit import ProcessFailed
+from hil.testkit._configuration import configuration
+from hil.testkit.process import controller_process, toml
+from hil.values.errors import UsageError
+from tests.support.virtual_controller import PLUGIN
+
+pytest_plugins = ["pytester"]
+
+
+def test_a_process_serves_both_links_and_obeys_the_operator() -> None:
+    keys = {"mode": "T1", "fri": {"release": "2.5", "send_period_ms": 5}, "backend": "mujoco"}
+    with controller_process(configuration([((), keys)], folders=[]).station) as process:
+        with pytest.raises(UsageError, match="call stop"):
+            process.status()
+        assert process.pad()["program"] == "PAUSED"
+        process.operator.enable()
+        process.operator.start()
+        process.operator.override(50)
+        assert process.pad()["override_percent"] == 50.0
+        with FriClient(
+            FriHandler(), release=Release.V2_5, bind_host=process.fri_client_host, port=process.fri_client_port
+        ) as client:
+            client.run(duration_s=0.2)
+        assert client.session.answered > 10
+        with ServoClient(process.servo_address) as robot:
+            goal = list(robot.read_state().measured_position)
+            goal[3] += 0.02
+            robot.move(PTP(goal))
+        process.operator.push((5.0, 0.0, 0.0), duration_s=0.1)
+        process.operator.emergency_stop()
+        with pytest.raises(PadRefused, match="reset"):
+            process.operator.start()
+        status = process.stop()
+        assert process.stop() == status == process.status()
+    assert status["servo"]["motions_begun"] == 1
+    assert status["stops"]
+    assert "emergency stop" in process.output
+
+
+def test_a_process_that_cannot_start_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    # A loopback address is free for a test; one of another machine is not.
+    monkeypatch.setattr("hil.testkit.process.free_host", lambda: "192.0.2.1")
+    monkeypatch.setattr("hil.testkit.process.free_port", lambda _host: 30200)
+    station = configuration([((), {})], folders=[]).station
+    with pytest.raises(ProcessFailed, match=r"exit code 2; it said:\n.*192\.0\.2\.1"), controller_process(station):
+        pass
+
+
+def test_links_that_were_left_out_are_no_addresses() -> None:
+    with controller_process(configuration([((), {"fri": None, "servo": None})], folders=[]).station) as process:
+        with pytest.raises(UsageError, match="fri=None"):
+            assert process.fri_client_address
+        with pytest.raises(UsageError, match="servo=None"):
+            assert process.servo_address
+
+
+def test_a_station_is_the_same_as_toml(tmp_path: Path) -> None:
+    robot = {
+        "name": 'a "quoted" name',
+        "fri": {"release": "2.5", "transformations": ["camera", "belt"]},
+        "tool": [{"name": "gripper", "mounted": True, "mass_kg": 1.5, "centre_mm": [0, 0, 30]}],
+        "torque_noise": False,
+    }
+    station = configuration([((), robot)], folders=[]).station
+    file = tmp_path / "station.toml"
+    content = station.model_dump(mode="json", exclude_unset=True)
+    file.write_text("".join(f"{key} = {toml(value)}\n" for key, value in content.items()), encoding="utf-8")
+    assert configuration([(("station.toml",), {})], folders=[tmp_path]).robot == station.robot[0]
+
+
+def test_the_output_of_the_process_is_shown_when_the_test_fails(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile("""
+        import pytest
+
+        @pytest.mark.hil(fri=None)
+        def test_it(hil_process):
+            hil_process.operator.emergency_stop()
+            assert False
+    """)
+    result = pytester.runpytest_inprocess(*PLUGIN, "-p", "no:asyncio", "-W", "error")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*hil run teardown*", "*applications at 127.*", "*the emergency stop was pressed*"])
