@@ -17,7 +17,7 @@ def commanding(controller: VirtualController) -> bool:
 def test_the_program_sways(hil_controller: VirtualController) -> None:
     seen: list[float] = []
     start = hil_controller.measured_position_rad[AXIS]
-    hil_controller.after(3.0, lambda: seen.append(hil_controller.measured_position_rad[AXIS]))
+    hil_controller.after(2.0, lambda: seen.append(hil_controller.measured_position_rad[AXIS]))
     assert run(Sway(), seconds=4.0) == 800
     assert hil_controller.quality is Quality.EXCELLENT
     assert abs(seen[0] - start) > 0.02
