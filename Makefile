@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: setup demo test soak lint types layers format bench protobuf robots constraints clean
+.PHONY: setup demo test soak lint types layers format bench protobuf robots dissector constraints clean
 
 setup: $(VENV)/.installed
 
@@ -55,6 +55,9 @@ protobuf: setup
 
 robots: setup
 	$(BIN)/python -m tools.make_robots
+
+dissector: setup
+	$(BIN)/python -m tools.make_dissector
 
 constraints: setup
 	{ head -1 constraints.txt; $(BIN)/python -m pip freeze --all --exclude-editable --exclude pip; } > constraints.new

@@ -56,17 +56,19 @@ class InProcessBackend(ABC):
 
     def read(self) -> ArmState:
         """Return the newest measured state; the same one until the next step, but for what the drives do."""
-        self._require_open("read")
-        if self._measured is None:
+        measured = self._measured
+        if measured is None or self._period_ns is None:
+            self._require_open("read")
             try:
-                self._measured = self._read()
+                measured = self._measured = self._read()
             except Exception as error:
                 raise self._failure("read", error) from error
-        return self._measured
+        return measured
 
     def write(self, command: JointCommand) -> None:
         """Take the command of this cycle; raise :class:`BackendError` for a torque that no motor here gives."""
-        self._require_open("write")
+        if self._period_ns is None:
+            self._require_open("write")
         if command.torque_nm is not None and not self.capabilities.takes_torque:
             raise BackendError(f"{type(self).__name__} takes no torque commands")
         try:
@@ -76,7 +78,8 @@ class InProcessBackend(ABC):
 
     def step(self) -> None:
         """Let one period pass."""
-        self._require_open("step")
+        if self._period_ns is None:
+            self._require_open("step")
         try:
             self._step()
             if self._drive_states is _TRANSITIONING:

@@ -109,6 +109,25 @@ def unix_time_ns() -> int:
     return time.time_ns()
 
 
+class Pause:
+    """Makes the thread wait for moments of another time, which goes ``factor`` times as fast as the machine's."""
+
+    def __init__(self, factor: float) -> None:
+        self._factor = factor
+        self._began_ns: int | None = None
+        self._first_ns = 0
+        self._never = threading.Event()
+
+    def until(self, moment_ns: int) -> None:
+        """Return when ``moment_ns`` has come; the first one told is now."""
+        now_ns = time.monotonic_ns()
+        if self._began_ns is None:
+            self._began_ns, self._first_ns = now_ns, moment_ns
+        left_s = ((moment_ns - self._first_ns) / self._factor - (now_ns - self._began_ns)) * 1e-9
+        if left_s > 0:
+            self._never.wait(left_s)
+
+
 async def let_others_run(passes: int) -> None:
     """Give every other task and socket of the event loop its turn, ``passes`` times."""
     for _ in range(passes):

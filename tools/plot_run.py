@@ -13,7 +13,7 @@ from hil.values.errors import ConfigurationError, MalformedDatagram
 from hil.values.fri import Release, SessionState
 from hil.values.fri_messages import CommandMessage, MonitoringMessage
 from hil.values.link import Address
-from transport.capture.pcapng import read_capture
+from transport.capture.reading import read_capture
 from transport.fri import FriCodec
 from transport.udp import parse_address
 

@@ -214,6 +214,52 @@ def kinematics(
     _print_bounds(console, report.bounds())
 
 
+@app.command()
+def replay(  # noqa: PLR0917  # typer makes the options of the parameters
+    robot: Robot = "lbr-iiwa-14-r820",
+    backend: Backend = "mujoco",
+    motion: Annotated[
+        str, typer.Option(help="What moves the arm: fri-overlay, smart-servo or direct-servo, retargeted each cycle.")
+    ] = "fri-overlay",
+    seconds: Annotated[float, typer.Option(min=2.0, help="Length of the recording.")] = 30.0,
+    repeats: Annotated[int, typer.Option(min=1, max=100, help="Replays of it.")] = 3,
+    as_json: AsJson = False,
+) -> None:
+    """Replay of a recording of ours at 1 ms: times real time, and memory. Every replay must be identical."""
+    from tools.bench.clients import BenchMotion
+    from tools.bench.machine import machine
+    from tools.bench.replay import as_dict, bench_replay
+
+    try:
+        chosen = BenchMotion(motion)
+    except ValueError:
+        raise UnknownName("motion", motion, [known.value for known in BenchMotion]) from None
+    links: dict[str, Any] = {"fri": FriConfig()} if chosen is BenchMotion.FRI_OVERLAY else {"servo": ServoConfig()}
+    config = RobotConfig(model=robot, backend=backend, **links)
+    with _progress("seconds", 2 * seconds) as (bar, task):
+        report = bench_replay(
+            config,
+            motion=chosen,
+            seconds=seconds,
+            repeats=repeats,
+            progress=lambda done: bar.update(task, completed=done),
+        )
+    found = {"machine": machine(), **as_dict(report)}
+    if as_json:
+        typer.echo(json.dumps(found, indent=2))
+        return
+    console = Console()
+    _print_machine(console, found["machine"])
+    table = Table("", "", title=f"replay: {robot}, {backend}, {chosen.value}")
+    table.add_row("recording", f"{report.recorded_s:.1f} s, {report.datagrams} datagrams, {report.file_mb:.1f} MB")
+    table.add_row("replayed in", ", ".join(f"{took_s:.2f} s" for took_s in report.replayed_s))
+    table.add_row("real-time factor, fastest", f"{report.factor:.1f}")
+    table.add_row("a cycle", f"{found['us_a_cycle']} us, reading and comparing included")
+    table.add_row("memory", f"{report.resident_mb:.0f} MB, grown by {report.grown_mb:.1f} MB from replay to replay")
+    console.print(table)
+    _print_bounds(console, report.bounds())
+
+
 @contextmanager
 def _progress(what: str, total: float) -> Iterator[tuple[Progress, TaskID]]:
     with Progress(console=Console(stderr=True), transient=True) as bar:

@@ -23,7 +23,7 @@ def impair(  # noqa: PLR0917  # typer makes the options of the parameters; nobod
         list[str] | None,
         typer.Option(
             metavar="FAULT",
-            help=f"May repeat. {'; '.join(FAULT_TEXTS)}. Ends with :to-peer or :to-controller: one way only.",
+            help=f"May repeat. {escape('; '.join(FAULT_TEXTS))}. Ends with :to-peer or :to-controller: one way only.",
         ),
     ] = None,
     link: Annotated[
@@ -77,14 +77,15 @@ def impair(  # noqa: PLR0917  # typer makes the options of the parameters; nobod
 
 def _print_summary(report: dict[str, Any]) -> None:
     console = Console()
-    table = Table("fault", *_COUNTS, "on packets", title="fri-hil impair")
-    table.columns[0].overflow = "fold"
+    table = Table("fault", *_COUNTS, title="fri-hil impair")
+    table.columns[0].no_wrap = True
     for fault in report["faults"]:
-        table.add_row(
-            escape(fault["fault"]), *(str(fault[count]) for count in _COUNTS), escape(fault["packets_text"]) or "none"
-        )
+        table.add_row(escape(fault["fault"]), *(str(fault[count]) for count in _COUNTS))
     if report["faults"]:
         console.print(table)
+    for fault in report["faults"]:
+        if fault["fired"]:
+            console.print(escape(f"{fault['fault']}: {fault['packets_text']}"), highlight=False, soft_wrap=True)
     ways = ", ".join(
         f"{count} {direction} ({report['delivered'][direction]} passed on)"
         for direction, count in report["packets"].items()

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from hil.arithmetic import fix_arithmetic
 from hil.cli import pad
 from hil.values.errors import HilError
 from hil.version import VERSION
@@ -31,18 +32,23 @@ def options(version: Annotated[bool, typer.Option("--version", help="Print the v
 def _add_commands(first: str) -> None:
     """Add the commands; a pad, whose keys should work at once, does not wait for what only the others import."""
     if first != "pad":
-        from hil.cli import bench, config, demo, impair, run
+        from hil.cli import bench, capture, config, demo, dissector, impair, replay, run, stand_in
 
         app.command("run")(run.run)
         app.command("demo")(demo.demo)
+        app.command("dissector")(dissector.dissector)
         app.command("impair")(impair.impair)
+        app.command("replay")(replay.replay)
         app.add_typer(bench.app, name="bench")
+        app.add_typer(capture.app, name="capture")
         app.add_typer(config.app, name="config")
+        app.add_typer(stand_in.app, name="stand-in")
     app.add_typer(pad.app, name="pad")
 
 
 def main() -> None:
     """Run the command line."""
+    fix_arithmetic()
     _add_commands(sys.argv[1] if len(sys.argv) > 1 else "")
     try:
         app()

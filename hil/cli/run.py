@@ -64,6 +64,9 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
         str | None, typer.Option(metavar="SOCKET|off", help="Where hil pad finds this controller; chosen unless given.")
     ] = None,
     capture: Annotated[Path | None, typer.Option(metavar="FILE.pcapng", help="Record all packets.")] = None,
+    capture_ring: Annotated[
+        str | None, typer.Option(metavar="FILESxSIZE", help="Keep only the newest files of it, such as 10x100MB.")
+    ] = None,
     duration: Annotated[float | None, typer.Option(metavar="S", min=0.0, help="End after so many seconds.")] = None,
     status_json: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the run's figures at exit.")] = None,
     progress: Annotated[
@@ -93,7 +96,7 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
         robot=_given(overrides),
         fri=_given(fri),
         servo=ServoOptions(servo, servo_key, reaction),
-        process=_given({"capture": capture, "pad": pad, "realtime": realtime or None}),
+        process=_given({"capture": capture, "capture_ring": capture_ring, "pad": pad, "realtime": realtime or None}),
     )
     for note in chosen_controls(chosen):
         typer.echo(note, err=True)

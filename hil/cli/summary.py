@@ -29,7 +29,10 @@ def print_summary(status: dict[str, Any]) -> None:
                 f"the arm in: {escape(counts) or 'none'}[/bold red]"
             )
     if (capture := status["capture"]) is not None:
-        console.print(f"capture {escape(capture['path'])}: {capture['written']} packets, {capture['dropped']} dropped")
+        removed = f", {capture['removed']} in files the ring removed" if capture["removed"] else ""
+        console.print(
+            f"capture {escape(capture['path'])}: {capture['written']} packets, {capture['dropped']} dropped{removed}"
+        )
         if capture["error"]:
             console.print(f"[red]capture: {escape(capture['error'])}[/red]")
     if status["fault"]:

@@ -19,7 +19,7 @@ import socket
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, NamedTuple, Self, TypedDict
+from typing import Any, Final, NamedTuple, NotRequired, Self, TypedDict
 
 from hil.client.pad_folder import checked_socket_path, distrusted, listens, process_of, socket_folder
 from hil.values.arm import DEFAULT_PUSH_S
@@ -81,6 +81,17 @@ class RobotState(TypedDict):
     io: dict[str, SignalInfo]
     time_s: float
     cycles: int
+
+
+class CaptureInfo(TypedDict):
+    """A recording; ``state`` is recording, completing or complete. What follows ``dropped`` is there when complete."""
+
+    state: str
+    path: str
+    dropped: int
+    written: NotRequired[int]
+    removed: NotRequired[int]
+    error: NotRequired[str | None]
 
 
 class RunningController(NamedTuple):
@@ -200,6 +211,19 @@ class PadClient:
         """Return what the pad shows, by robot."""
         return self._ask("status")
 
+    def start_capture(self, writer: Path, file: Path, ring: str | None = None) -> CaptureInfo:
+        """Record to the process that listens at ``writer`` and writes ``file``; ``ring`` is FILESxSIZE."""
+        told: dict[str, object] = {"capture": "start", "writer": str(writer), "file": str(file)}
+        return self._capture("capture", told if ring is None else {**told, "ring": ring})
+
+    def stop_capture(self) -> CaptureInfo:
+        """End the recording that runs; it is complete when :meth:`capture` says so."""
+        return self._capture("capture", {"capture": "stop"})
+
+    def capture(self) -> CaptureInfo | None:
+        """Return what the controller says of its last recording; None where there was none."""
+        return self._answer("status", {}).get("capture")
+
     def states(self) -> Iterator[dict[str, RobotState]]:
         """Yield what the pad shows: at once, at every change, and once a second; ends when the connection does.
 
@@ -222,10 +246,18 @@ class PadClient:
             if self._socket is link:
                 link.settimeout(self._timeout_s)
 
+    def _capture(self, what: str, more: dict[str, object]) -> CaptureInfo:
+        told: CaptureInfo = self._answer(what, more)["capture"]
+        return told
+
     def _ask(self, what: str, more: dict[str, object] | None = None) -> dict[str, RobotState]:
+        robots: dict[str, RobotState] = self._answer(what, more or {})["robots"]
+        return robots
+
+    def _answer(self, what: str, more: dict[str, object]) -> dict[str, Any]:
         link = self._open()
         self._last_id += 1
-        request: dict[str, object] = {"do": what, "id": self._last_id, **(more or {})}
+        request: dict[str, object] = {"do": what, "id": self._last_id, **more}
         if self._robot is not None:
             request["robot"] = self._robot
         try:
@@ -234,8 +266,7 @@ class PadClient:
                 if told.get("ok") is False and told.get("id") in {self._last_id, None}:
                     raise PadRefused(str(told.get("error")), told.get("robots", {}))
                 if told.get("id") == self._last_id and "watch" not in told:
-                    robots: dict[str, RobotState] = told["robots"]
-                    return robots
+                    return told
         except TimeoutError:
             self.close()
             raise EndpointError(f"the controller did not answer within {self._timeout_s:g} s") from None

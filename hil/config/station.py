@@ -5,11 +5,12 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from hil.config.control import ControlConfig
 from hil.config.frames import FrameConfig, LoadConfig, PoseConfig, ToolConfig, frame_tree
 from hil.config.limits import LimitsConfig
+from hil.config.ring import parse_ring
 from hil.config.signals import GroupConfig, signals
 from hil.core.settings import (
     CYCLE_CHOICES_MS,
@@ -68,6 +69,9 @@ class FriConfig(_Model):
         int | None,
         Field(description="silence that ends a commanded motion; default: 50, or 3 answer periods if longer"),
     ] = None
+    quality_rise_ms: Annotated[
+        int, Field(strict=True, description="time at a better figure before the connection quality rises one level")
+    ] = 500
 
     transformations: Annotated[
         tuple[str, ...], Field(description="names of the transformations the client is asked for, 5 at most")
@@ -82,6 +86,7 @@ class FriConfig(_Model):
             overlay=self.overlay,
             control=self.control.settings(self.overlay),
             watchdog_ms=self.watchdog_ms,
+            quality_rise_ms=self.quality_rise_ms,
             transformations=self.transformations,
         )
         settings.check_release(self.release)
@@ -219,11 +224,22 @@ class Station(_Model):
 
     realtime: Annotated[bool, Field(strict=True, description="ask for SCHED_FIFO, locked memory and a CPU")] = False
     capture: Annotated[Path | None, Field(description="pcapng file to record all packets to")] = None
+    capture_ring: Annotated[
+        str | None,
+        Field(description="keep only the newest files of the capture: FILESxSIZE, such as 10x100MB; default: one file"),
+    ] = None
     pad: Annotated[
         str | None,
         Field(description="socket of the operator's pad, or off; default: one in a folder only its owner may open"),
     ] = None
     robot: Annotated[list[RobotConfig], Field(min_length=1, max_length=16, description="the robots")]
+
+    @field_validator("capture_ring")
+    @classmethod
+    def _ring(cls, text: str | None) -> str | None:
+        if text is not None:
+            parse_ring(text)
+        return text
 
     @model_validator(mode="after")
     def _names_differ(self) -> Self:

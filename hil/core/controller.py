@@ -321,7 +321,8 @@ class Controller:
 
     def _progress(self, now_ns: int, started_ns: int) -> None:
         fri, servo, safety = self._fri, self._servo, self._safety
-        waits = safety.follow_operator(self._arm, commanding=self._fri_commands, closing=self._closing, now_ns=now_ns)
+        commanding = fri is not None and fri.commanding
+        waits = safety.follow_operator(self._arm, commanding=commanding, closing=self._closing, now_ns=now_ns)
         if fri is not None:
             barred = _SHUTS_DOWN.reason if self._closing else waits
             if not barred and servo is not None and (commander := servo.commander):

@@ -33,6 +33,9 @@ _CONTROL_NAMES: Final = {
 }
 
 
+MAX_QUALITY_RISE_MS = 10_000
+
+
 @dataclass(frozen=True, slots=True)
 class FriSettings:
     """One FRI link.
@@ -55,12 +58,20 @@ class FriSettings:
     overlay_restart_ms: int = 1000
     transformations: tuple[str, ...] = ()
     """Names of those the client is asked for."""
+    quality_rise_ms: int = 500
+    """How long the figure must be better before the quality rises a level (fri-wire page, *ours*)."""
+    first_sequence_counter: int = 0
+    """Of the first message; a replay of a recording that began later goes on counting there."""
 
     def __post_init__(self) -> None:
         check_transformation_names(self.transformations)
         if not MIN_PERIOD_MS <= self.send_period_ms <= MAX_PERIOD_MS:
             raise ConfigurationError(
                 f"send period {self.send_period_ms} ms is outside {MIN_PERIOD_MS}..{MAX_PERIOD_MS} ms"
+            )
+        if not 1 <= self.quality_rise_ms <= MAX_QUALITY_RISE_MS:
+            raise ConfigurationError(
+                f"quality rise time {self.quality_rise_ms} ms is outside 1..{MAX_QUALITY_RISE_MS} ms"
             )
         if self.receive_multiplier < 1:
             raise ConfigurationError(f"receive multiplier {self.receive_multiplier} is less than 1")

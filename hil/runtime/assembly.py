@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from backends.robots import load_description, load_pinocchio
 from hil.config.station import RobotConfig, ServoConfig
@@ -14,7 +14,7 @@ from hil.values.errors import ConfigurationError, UnknownName
 from hil.values.fri import CLIENT_PORT
 from hil.values.fri_messages import ControllerCodec
 from hil.values.link import Address
-from hil.values.robot import RobotDescription
+from hil.values.robot import RobotDescription, Seven
 from hil.values.servo import SERVO_PORT, ServoControllerCodec
 from hil.version import VERSION
 from transport.fri import FriCodec
@@ -22,6 +22,7 @@ from transport.servo import ServoCodec, load_key
 from transport.udp import default_bind, parse_address, refuse_shared_port
 
 BACKENDS = ("mujoco", "ideal")
+TOKEN_SECRET_BYTES = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,12 +94,14 @@ def make_servo_codec(config: ServoConfig) -> ServoCodec:
     return ServoCodec(None if config.key_file is None else load_key(config.key_file))
 
 
-def open_parts(config: RobotConfig) -> RobotParts:
-    """Load a robot's models and open its backend, which the caller closes.
+def open_parts(config: RobotConfig, *, initial_position_rad: Seven | None = None) -> RobotParts:
+    """Load a robot's models and open its backend, which the caller closes; the arm begins as described, or there.
 
     Raises :class:`ConfigurationError`, :class:`UnknownName` or :class:`BackendError`.
     """
     description = robot_description(config)
+    if initial_position_rad is not None:
+        description = replace(description, initial_position_rad=initial_position_rad)
     servo_codec = None if config.servo is None else make_servo_codec(config.servo)
     backend = make_backend(config, description)
     if backend.capabilities.moves_real_drives and (config.permissive or config.enabled):
@@ -120,16 +123,22 @@ def make_controller(
     fri_peer: Address | None,
     codec: ControllerCodec | None = None,
     token_secret: bytes | None = None,
+    first_sequence_counter: int = 0,
     on_stage: Callable[[str], None] | None = None,
 ) -> Controller:
     """Return the controller of a robot whose core time 0 is ``unix_epoch_ns``; cheap, to be done at the start.
 
     ``codec`` takes the place of the one the configuration names; ``token_secret`` that of a new random one, so that
-    the tokens of two runs are the same.
+    the tokens of two runs are the same. The FRI link counts its messages from ``first_sequence_counter``.
     """
-    secret = os.urandom(32) if token_secret is None else token_secret
+    secret = os.urandom(TOKEN_SECRET_BYTES) if token_secret is None else token_secret
+    settings = config.settings(
+        unix_epoch_ns=unix_epoch_ns, fri_peer=fri_peer, servo=_servo_settings(config, parts, secret)
+    )
+    if first_sequence_counter and settings.fri is not None:
+        settings = replace(settings, fri=replace(settings.fri, first_sequence_counter=first_sequence_counter))
     return Controller(
-        config.settings(unix_epoch_ns=unix_epoch_ns, fri_peer=fri_peer, servo=_servo_settings(config, parts, secret)),
+        settings,
         description=parts.description,
         model=parts.model,
         backend=parts.backend,

@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from hil.clock import Clock
+from hil.config.ring import RingSize
 from hil.runtime.pad_connection import Connection, Message
-from hil.runtime.pad_requests import BadRequest, PadRequest, read_request
+from hil.runtime.pad_requests import BadRequest, CaptureRequest, PadRequest, read_request
 from hil.runtime.pad_socket import PadSocket
 from hil.values.errors import ConfigurationError, HilError
 from hil.values.operator import OperatorAction, PadKey, Press
@@ -47,11 +48,32 @@ class PadRobot(Protocol):
         """Return what the pad shows; what JSON can say."""
 
 
+class PadCaptures(Protocol):
+    """The recordings of the run as the pad sees them."""
+
+    def start(self, writer: Path, file: Path, ring: RingSize | None) -> str:
+        """Begin one; return why not, or an empty text."""
+
+    def stop(self) -> str:
+        """End the one that runs; return why not, or an empty text."""
+
+    def report(self) -> dict[str, object] | None:
+        """Return what is known of the last one."""
+
+
 class OperatorChannel:
     """Binds in ``open``, serves from ``serve`` to ``close``. ``place`` is the socket's path; None: one is chosen."""
 
-    def __init__(self, place: str | None, robots: Mapping[str, PadRobot], *, clock: Clock) -> None:
+    def __init__(
+        self,
+        place: str | None,
+        robots: Mapping[str, PadRobot],
+        *,
+        clock: Clock,
+        captures: PadCaptures | None = None,
+    ) -> None:
         self._place = place
+        self._captures = captures
         self._robots = robots
         self._clock = clock
         self._socket: PadSocket | None = None
@@ -170,6 +192,8 @@ class OperatorChannel:
 
     def _done(self, request: PadRequest, connection: Connection) -> str:
         """Do it; return why not, or an empty text."""
+        if request.capture is not None:
+            return self._capture(request.capture)
         names = self._addressed(request)
         if not names:
             valid = ", ".join(self._robots)
@@ -182,6 +206,13 @@ class OperatorChannel:
             return ""
         told = [self._operate(name, request.action, connection if request.hold else None) for name in names]
         return "; ".join(refusal for refusal in told if refusal)
+
+    def _capture(self, request: CaptureRequest) -> str:
+        if self._captures is None:
+            return "this controller records nothing"
+        if not request.writer:
+            return self._captures.stop()
+        return self._captures.start(Path(request.writer), Path(request.file), request.ring)
 
     def _addressed(self, request: PadRequest) -> list[str]:
         if request.robot is not None:
@@ -209,8 +240,11 @@ class OperatorChannel:
         return refusal
 
     def _answer(self, connection: Connection, request: PadRequest) -> None:
-        names = self._addressed(request)
-        connection.answer({"ok": True, "robots": self._states(names)}, request.request_id)
+        names = list(self._robots) if request.capture is not None else self._addressed(request)
+        told: Message = {"ok": True, "robots": self._states(names)}
+        if self._captures is not None:
+            told["capture"] = self._captures.report()
+        connection.answer(told, request.request_id)
 
     def _refuse(self, connection: Connection, request: PadRequest | BadRequest, reason: str) -> None:
         told: Message = {"ok": False, "error": reason}

@@ -4,8 +4,9 @@ import json
 from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple, NoReturn
 
+from hil.config.ring import RingSize, parse_ring
 from hil.values.arm import DEFAULT_PUSH_S, Push
-from hil.values.errors import PeerError
+from hil.values.errors import ConfigurationError, PeerError
 from hil.values.fri import OperationMode
 from hil.values.operator import OperatorAction, PadKey, Press, SelectMode, SetInput, SetOverride
 from hil.values.robot import JOINT_COUNT, Three
@@ -27,6 +28,15 @@ class PadRequest(NamedTuple):
     """Whether the enabling switch is let go when the connection closes."""
     robot: str | None = None
     request_id: RequestId = None
+    capture: "CaptureRequest | None" = None
+
+
+class CaptureRequest(NamedTuple):
+    """Begin a capture with the writer that listens at ``writer`` for ``file``; without one: end the one that runs."""
+
+    writer: str = ""
+    file: str = ""
+    ring: RingSize | None = None
 
 
 class BadRequest(NamedTuple):
@@ -151,6 +161,39 @@ def _io(_what: str, fields: Mapping[str, Any]) -> PadRequest:
     return PadRequest(SetInput(name, value))
 
 
+def _capture(_what: str, fields: Mapping[str, Any]) -> PadRequest:
+    what = fields.get("capture")
+    if what == "stop":
+        return PadRequest(capture=CaptureRequest())
+    if what != "start":
+        raise PeerError(f"capture {_shown(what)} is unknown; valid: start, stop")
+    writer, file, ring = fields.get("writer"), fields.get("file"), fields.get("ring")
+    if not isinstance(writer, str) or not isinstance(file, str) or not writer or not file:
+        raise PeerError("a capture needs writer, the socket of the process that writes it, and file, its path")
+    if ring is not None and not isinstance(ring, str):
+        raise PeerError(f"ring {_shown(ring)} is no text; valid: FILESxSIZE, such as 10x100MB")
+    try:
+        return PadRequest(capture=CaptureRequest(writer, file, None if ring is None else parse_ring(ring)))
+    except ConfigurationError as error:
+        raise PeerError(str(error)) from error
+
+
+def write_action(action: OperatorAction) -> dict[str, object]:
+    """Return the request that asks for an action: what :func:`read_request` reads back from its JSON."""
+    match action:
+        case Press(key):
+            return {"do": key.value}
+        case SelectMode(mode):
+            return {"do": "mode", "mode": mode.name}
+        case SetOverride(percent):
+            return {"do": "override", "percent": percent}
+        case SetInput(name, value):
+            return {"do": "io", "name": name, "value": value}
+        case Push(link, force_n, moment_nm, duration_s):
+            told = {"link": link, "force_n": list(force_n), "moment_nm": list(moment_nm)}
+            return {"do": "push", **told, "duration_s": duration_s}
+
+
 def _status(_what: str, _fields: Mapping[str, Any]) -> PadRequest:
     return PadRequest()
 
@@ -166,6 +209,7 @@ _REQUESTS: Final[Mapping[str, tuple[tuple[str, ...], Callable[[str, Mapping[str,
     "override": (("percent",), _override),
     "push": (("link", "force_n", "moment_nm", "duration_s"), _push),
     "io": (("name", "value"), _io),
+    "capture": (("capture", "writer", "file", "ring"), _capture),
     "status": ((), _status),
     "watch": ((), _watch),
 }

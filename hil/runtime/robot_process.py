@@ -1,8 +1,8 @@
 """One live robot: its controller, its sockets, its pacing. Supervised by :mod:`hil.runtime.run`."""
 
 import asyncio
+import os
 from collections.abc import Callable
-from typing import Protocol
 
 from hil.clock import Clock, elapsed_ns, let_others_run, unix_time_ns
 from hil.config.station import Overrun, RobotConfig
@@ -10,7 +10,9 @@ from hil.core.controller import FRI_LINK, Controller, operator_report
 from hil.core.events import DrivesChanged, Event
 from hil.core.servo.link import SERVO_LINK
 from hil.core.settings import NS_PER_MS
-from hil.runtime.assembly import LinkAddresses, RobotParts, make_controller, open_parts
+from hil.replay.header import RobotStart
+from hil.runtime.assembly import TOKEN_SECRET_BYTES, LinkAddresses, RobotParts, make_controller, open_parts
+from hil.runtime.journal import Recorder, RobotJournal
 from hil.runtime.measurements import RunMeasurements
 from hil.runtime.pacer import Pacer, Tick, open_pacer
 from hil.runtime.ports import FriPort, Port, ServoPort
@@ -31,13 +33,6 @@ CLOSING_CYCLES = 3000
 """Cycles an arm gets to brake at the end; the rated braking time is a tenth of that."""
 
 
-class Recorder(Protocol):
-    """Takes datagrams for a capture; must not block."""
-
-    def put(self, at_unix_ns: int, source: Address, destination: Address, payload: bytes) -> None:
-        """Record one datagram."""
-
-
 class RobotProcess:
     """Opens in ``open``, runs in ``run`` until ``stop`` was called and the arm rests, releases in ``close``."""
 
@@ -48,8 +43,8 @@ class RobotProcess:
         addresses: LinkAddresses,
         clock: Clock,
         tell: Callable[[str, Event], None],
-        recorder: Recorder | None,
         on_fault: Callable[[], None],
+        number: int = 0,
     ) -> None:
         self.config = config
         self.addresses = addresses
@@ -57,7 +52,7 @@ class RobotProcess:
         self.faulted: str | None = None
         self._clock = clock
         self._tell = tell
-        self._recorder = recorder
+        self._journal = RobotJournal(number)
         self._on_fault = on_fault
         self._controller: Controller | None = None
         self._parts: RobotParts | None = None
@@ -68,6 +63,7 @@ class RobotProcess:
         self._period_ns = config.cycle_ms * NS_PER_MS
         self._epoch_ns = 0
         self._unix_epoch_ns = 0
+        self._token_secret = b""
 
     @property
     def controller(self) -> Controller:
@@ -83,7 +79,24 @@ class RobotProcess:
 
     def operate(self, action: OperatorAction) -> str:
         """Do what the operator did, now; return why that changes nothing, or an empty text."""
-        return self.controller.operate(action, now_ns=self._clock.now_ns() - self._epoch_ns)
+        now_ns = self._clock.now_ns() - self._epoch_ns
+        self._journal.operated(action, at_ns=now_ns)
+        return self.controller.operate(action, now_ns=now_ns)
+
+    def record_to(self, recorder: Recorder | None) -> None:
+        """Tell ``recorder`` everything that the core is told from now on; None: nobody."""
+        self._journal.record_to(recorder, unix_epoch_ns=self._unix_epoch_ns)
+
+    def recorded_start(self) -> RobotStart:
+        """Return what a replay needs to know of the run, for a recording that begins now."""
+        return RobotStart(
+            name=self.config.name,
+            unix_epoch_ns=self._unix_epoch_ns,
+            fri_peer=None if self.addresses.fri is None else self.addresses.fri.peer,
+            bound={link: port.local for link, port in self._ports.items()},
+            token_secret=self._token_secret.hex(),
+            cycles_before=self.controller.ticks,
+        )
 
     def operator_state(self) -> dict[str, object]:
         """Return what the operator's pad shows; times in seconds of the core's axis."""
@@ -128,11 +141,13 @@ class RobotProcess:
         if self._parts is None:
             raise BackendError(f"robot {self.config.name} is not open")
         self._epoch_ns, self._unix_epoch_ns = epoch_ns, unix_epoch_ns
+        self._token_secret = os.urandom(TOKEN_SECRET_BYTES)
         self._controller = make_controller(
             self.config,
             self._parts,
             unix_epoch_ns=unix_epoch_ns,
             fri_peer=None if self.addresses.fri is None else self.addresses.fri.peer,
+            token_secret=self._token_secret,
         )
 
     def stop(self) -> None:
@@ -149,8 +164,10 @@ class RobotProcess:
                     await self._cycles(pacer)
                 except BackendError as error:
                     self._fault(str(error))
-                    self.controller.abandon(now_ns=self._clock.now_ns() - self._epoch_ns)
-                    await self._send_outgoing()
+                    now_ns = self._clock.now_ns() - self._epoch_ns
+                    self._journal.failed(str(error), at_ns=now_ns)
+                    self.controller.abandon(now_ns=now_ns)
+                    await self._send_outgoing(now_ns)
                 for listener in listeners:
                     listener.cancel()
         finally:
@@ -198,6 +215,8 @@ class RobotProcess:
             if tick.missed:
                 await self._overrun(tick)
             if self._stopping.is_set():
+                if not closing_cycles:
+                    self._journal.closed(at_ns=tick.due_ns - self._epoch_ns)
                 self.controller.close(now_ns=tick.due_ns - self._epoch_ns)
                 closing_cycles += 1
             await self._one_cycle(tick.due_ns, tick.lateness_ns)
@@ -209,7 +228,9 @@ class RobotProcess:
     async def _one_cycle(self, due_ns: int, lateness_ns: int) -> None:
         before_ns = elapsed_ns()
         self.controller.tick(now_ns=due_ns - self._epoch_ns, lateness_ns=lateness_ns)
-        await self._send_outgoing()
+        departed_ns = self._clock.now_ns() - self._epoch_ns
+        self._journal.ticked(due_ns=due_ns - self._epoch_ns, lateness_ns=lateness_ns, departed_ns=departed_ns)
+        await self._send_outgoing(departed_ns)
         self.measurements.ticked(
             began_ns=due_ns + lateness_ns, lateness_ns=lateness_ns, cost_ns=elapsed_ns() - before_ns
         )
@@ -232,15 +253,14 @@ class RobotProcess:
             self.faulted = f"{self.config.name}: {reason}"
         self._on_fault()
 
-    async def _send_outgoing(self) -> None:
-        now_ns = self._clock.now_ns() - self._epoch_ns
+    async def _send_outgoing(self, now_ns: int) -> None:
         for datagram in self.controller.outgoing(now_ns=now_ns):
             port = self._ports.get(datagram.link)
             if port is None:
                 continue
             destination = await port.send(datagram)
             # The time the core was told, not a later one: a replay must be able to tell it the same.
-            self._record(now_ns, port.local, destination, datagram.payload)
+            self._journal.sent(datagram.payload, port.local, destination, at_ns=now_ns)
 
     def _listen(self, group: asyncio.TaskGroup) -> list[asyncio.Task[None]]:
         name = self.config.name
@@ -254,9 +274,5 @@ class RobotProcess:
             waited_ns = 0
         now_ns = self._clock.now_ns() - self._epoch_ns - waited_ns
         self.controller.receive(arrival.datagram, source, now_ns=now_ns)
-        self._record(now_ns, source.address, self._ports[source.link].local, arrival.datagram)
+        self._journal.received(arrival.datagram, source.address, self._ports[source.link].local, at_ns=now_ns)
         self.measurements.between_ticks(elapsed_ns() - before_ns)
-
-    def _record(self, now_ns: int, source: Address, destination: Address, payload: bytes) -> None:
-        if self._recorder is not None:
-            self._recorder.put(self._unix_epoch_ns + now_ns, source, destination, payload)

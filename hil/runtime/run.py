@@ -23,7 +23,7 @@ from hil.values.errors import ConfigurationError
 from hil.version import VERSION
 
 if TYPE_CHECKING:
-    from transport.capture.process import CaptureProcess, CaptureSummary
+    from hil.runtime.captures import Captures
 
 NO_PAD = "off"
 START_DELAY_NS = 5_000_000
@@ -62,6 +62,7 @@ class _Run:
         self._wishes: list[Wish] = []
         self._robots: list[RobotProcess] = []
         self._pad: OperatorChannel | None = None
+        self._captures: Captures | None = None
         self._epoch_ns = 0
 
     async def run(self) -> RunResult:
@@ -74,17 +75,18 @@ class _Run:
             return result
 
     async def _run(self) -> RunResult:
-        recorder: CaptureProcess | None = None
         fault: str | None = None
-        capture: CaptureSummary | None = None
+        capture: dict[str, object] | None = None
         try:
-            recorder = self._open_capture()
-            self._robots = [self._robot(config, recorder) for config in self._station.robot]
+            self._robots = [self._robot(number, config) for number, config in enumerate(self._station.robot)]
+            self._captures = self._open_captures()
             for robot in self._robots:
                 await robot.open()
             self._pad = self._open_pad()
             self._wishes = ask_for_realtime() if self._station.realtime else []
             self._start()
+            if self._captures is not None:
+                self._captures.begin()
             if self._pad is not None:
                 await self._pad.serve()
             self._say_start()
@@ -94,39 +96,35 @@ class _Run:
                 self._pad.close()
             for robot in self._robots:
                 robot.close()
-            if recorder is not None:
-                capture = recorder.close()
+            if self._captures is not None:
+                capture = self._captures.close()
             self._console.close()
         return RunResult(self._status(fault, capture), fault)
 
-    def _robot(self, config: RobotConfig, recorder: "CaptureProcess | None") -> RobotProcess:
+    def _robot(self, number: int, config: RobotConfig) -> RobotProcess:
         return RobotProcess(
             config,
+            number=number,
             addresses=link_addresses(config),
             clock=self._clock,
             tell=self._tell,
-            recorder=recorder,
             on_fault=self._stop,
         )
 
-    def _open_capture(self) -> "CaptureProcess | None":
-        if self._station.capture is None:
+    def _open_captures(self) -> "Captures | None":
+        if self._station.capture is None and self._station.pad == NO_PAD:
             return None
-        from transport.capture.process import CaptureProcess
+        from hil.runtime.captures import Captures
 
-        comment: dict[str, object] = {
-            "software": f"fri-hil {VERSION}",
-            "station": self._station.model_dump(mode="json"),
-        }
-        if any(robot.permissive for robot in self._station.robot):
-            comment["permissive"] = True
-        return CaptureProcess(self._station.capture, comment=json.dumps(comment))
+        captures = Captures(self._station, self._robots)
+        captures.open()
+        return captures
 
     def _open_pad(self) -> OperatorChannel | None:
         if self._station.pad == NO_PAD:
             return None
         robots = {robot.config.name: robot for robot in self._robots}
-        pad = OperatorChannel(self._station.pad, robots, clock=self._clock)
+        pad = OperatorChannel(self._station.pad, robots, clock=self._clock, captures=self._captures)
         pad.open()
         return pad
 
@@ -181,19 +179,12 @@ class _Run:
         for robot in self._robots:
             self._console.say(progress_line(robot, elapsed_s=elapsed_s, duration_s=self._options.duration_s))
 
-    def _status(self, fault: str | None, capture: "CaptureSummary | None") -> dict[str, object]:
+    def _status(self, fault: str | None, capture: dict[str, object] | None) -> dict[str, object]:
         return {
             "software": f"fri-hil {VERSION}",
             "fault": fault,
             "realtime": [wish._asdict() for wish in self._wishes],
-            "capture": None
-            if capture is None
-            else {
-                "path": str(capture.path),
-                "written": capture.written,
-                "dropped": capture.dropped,
-                "error": capture.error,
-            },
+            "capture": capture,
             "pad": None if self._pad is None else self._pad.report(),
             "robots": {robot.config.name: robot.report() for robot in self._robots},
         }

@@ -16,8 +16,9 @@ from hil.values.errors import UsageError
 from tests.support.events import until_dead, until_stopped, until_takes, until_written
 from transport.capture.endpoints import MAX_PAYLOAD_BYTES
 from transport.capture.errors import CaptureError
-from transport.capture.pcapng import read_capture, read_section_comment
-from transport.capture.process import CaptureProcess, CaptureSummary
+from transport.capture.link import CaptureSummary
+from transport.capture.process import CaptureProcess
+from transport.capture.reading import read_capture, read_section_comment
 from transport.capture.records import CapturedDatagram
 
 ROBOT, CLIENT = ("192.170.10.2", 30200), ("192.170.10.100", 30200)

@@ -7,7 +7,7 @@ import pytest
 
 from hil.values.fri import Release
 from tests.support.processes import own_host, run_with_probe
-from transport.capture.pcapng import read_capture, read_section_comment
+from transport.capture.reading import read_capture, read_section_comment
 
 SINE_RAD = 0.04
 

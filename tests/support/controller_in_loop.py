@@ -55,7 +55,6 @@ async def serving(
         addresses=link_addresses(config),
         clock=MonotonicClock(),
         tell=lambda _, __: None,
-        recorder=None,
         on_fault=lambda: process.stop(),  # noqa: PLW0108  # there is no process yet
     )
     with pytest.MonkeyPatch.context() as patch:

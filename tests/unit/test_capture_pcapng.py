@@ -21,8 +21,9 @@ from hil.values.errors import HilError, UsageError
 from transport.capture.endpoints import MAX_PAYLOAD_BYTES
 from transport.capture.errors import CaptureError
 from transport.capture.frames import LINK_ETHERNET, FrameEncoder, decode_frame
-from transport.capture.pcapng import CaptureReader, PcapngWriter, read_capture, read_section_comment
+from transport.capture.reading import CaptureReader, read_capture, read_section_comment
 from transport.capture.records import CapturedDatagram
+from transport.capture.writing import PcapngWriter
 
 SHARED = Path(__file__).parents[2].parent / "shared" / "captures"
 ROBOT, CLIENT = ("192.170.10.2", 30200), ("192.170.10.100", 30200)
@@ -300,7 +301,7 @@ def test_the_obsolete_packet_block_is_read(tmp_path: Path) -> None:
         (b"", "the file is empty"),
         (b"\n", "not a pcapng file: it begins with 0a"),
         (b"garbage, and more than twelve bytes of it", "not a pcapng file: it begins with 67 61 72 62"),
-        (b"\xd4\xc3\xb2\xa1" + bytes(20), "editcap -F pcapng"),
+        (b"\xd4\xc3\xb2\xa1" + bytes(16), "20 of the header's 24 bytes"),
         (section()[:10], "10 bytes of a block's head"),
         (section()[:8] + b"abcd" + section()[12:], "61 62 63 64 is no pcapng byte order mark"),
         (section()[:20], "20 of a block's 28 bytes"),
@@ -327,7 +328,7 @@ def test_a_truncated_file_gives_its_whole_packets_then_an_error(tmp_path: Path, 
     assert [next(reader).at_unix_ns, next(reader).at_unix_ns] == [AT, AT + 1]
     with pytest.raises(CaptureError, match="truncated") as raised:
         next(reader)
-    assert raised.value.offset == len(whole) - (32 + 84)
+    assert raised.value.offset == len(whole) - 132
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,6 @@ async def run(
         addresses=LinkAddresses(None, None),
         clock=clock,
         tell=lambda _, event: events.append(event),
-        recorder=None,
         on_fault=lambda: process.stop(),  # noqa: PLW0108  # there is no process yet
     )
     monkeypatch.setattr(robot_process, "open_pacer", lambda **_: ScriptedPacer(clock, script))

@@ -1,47 +1,39 @@
-"""A pcapng file cut into its blocks; dpkt reads what is inside one.
+"""A capture file cut into its blocks: pcapng, and the classic pcap that tcpdump writes.
 
-dpkt's own ``Reader`` is not used: it makes floats of the time stamps, takes a truncated file for a complete one, and
-knows one section with one interface.
+dpkt's own readers are not used: they make floats of the time stamps, take a truncated file for a complete one, and
+know one section with one interface.
 """
 
 import struct
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, BinaryIO
-
-from dpkt import pcapng
-from dpkt.dpkt import Error as DpktError
+from typing import BinaryIO, Final, NamedTuple
 
 from transport.capture.errors import CaptureError
 
-SECTION_HEADER: int = pcapng.PCAPNG_BT_SHB
-INTERFACE: int = pcapng.PCAPNG_BT_IDB
-PACKET: int = pcapng.PCAPNG_BT_EPB
-OLD_PACKET: int = pcapng.PCAPNG_BT_PB
-SIMPLE_PACKET: int = pcapng.PCAPNG_BT_SPB
+SECTION_HEADER: Final = 0x0A0D0D0A
+INTERFACE: Final = 1
+OLD_PACKET: Final = 2
+SIMPLE_PACKET: Final = 3
+STATISTICS: Final = 5
+PACKET: Final = 6
+CLASSIC_FILE: Final = -1
+CLASSIC_PACKET: Final = -2
+"""Ours: what classic pcap has instead of blocks."""
 
 _HEAD_BYTES = 12
 """Type, length and, in a section header, the mark of the byte order; no block is shorter."""
 _MAX_BLOCK_BYTES = 1 << 24
 """What Wireshark accepts; a longer one is a damaged length."""
+_SECTION_MAGIC = SECTION_HEADER.to_bytes(4, "big")  # reads the same in either byte order
 _BYTE_ORDERS = {b"\x4d\x3c\x2b\x1a": "<", b"\x1a\x2b\x3c\x4d": ">"}
-_CLASSIC_PCAP = {b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x4d\x3c\xb2\xa1", b"\xa1\xb2\x3c\x4d"}
-
-_PARSERS: dict[tuple[int, str], Callable[[bytes], Any]] = {
-    (SECTION_HEADER, "<"): pcapng.SectionHeaderBlockLE,
-    (SECTION_HEADER, ">"): pcapng.SectionHeaderBlock,
-    (INTERFACE, "<"): pcapng.InterfaceDescriptionBlockLE,
-    (INTERFACE, ">"): pcapng.InterfaceDescriptionBlock,
-    (PACKET, "<"): pcapng.EnhancedPacketBlockLE,
-    (PACKET, ">"): pcapng.EnhancedPacketBlock,
-    (OLD_PACKET, "<"): pcapng.PacketBlockLE,
-    (OLD_PACKET, ">"): pcapng.PacketBlock,
-}
+_CLASSIC_PCAP = {b"\xd4\xc3\xb2\xa1": "<", b"\xa1\xb2\xc3\xd4": ">", b"\x4d\x3c\xb2\xa1": "<", b"\xa1\xb2\x3c\x4d": ">"}
+CLASSIC_NANOSECONDS: Final = (b"\x4d\x3c\xb2\xa1", b"\xa1\xb2\x3c\x4d")
+CLASSIC_FILE_BYTES: Final = 24
+CLASSIC_PACKET_BYTES: Final = 16
 
 
-@dataclass(frozen=True, slots=True)
-class Block:
+class Block(NamedTuple):
     """One block, not yet looked into."""
 
     offset: int
@@ -53,43 +45,69 @@ class Block:
     data: bytes
     """The whole block, head and closing length included."""
 
-    def parsed(self, path: Path) -> Any:
-        """dpkt's object for this block; raises ``CaptureError`` where the inside does not hold together."""
-        try:
-            return _PARSERS[self.kind, self.byte_order](self.data)
-        except (DpktError, UnicodeDecodeError, struct.error) as error:
-            raise CaptureError(path, f"the block is damaged: {error}", offset=self.offset) from error
-
 
 def read_blocks(file: BinaryIO, path: Path) -> Iterator[Block]:
-    """The blocks of ``file`` in order; raises ``CaptureError`` where it is no pcapng file or ends inside a block."""
+    """The blocks of ``file`` in order; raises ``CaptureError`` where it is no capture or ends inside a block."""
+    start = file.read(_HEAD_BYTES)
+    if not start:
+        raise CaptureError(path, "the file is empty", offset=0)
+    if start[:4] in _CLASSIC_PCAP:
+        yield from _classic_blocks(file, path, start)
+        return
+    if start[:4] != _SECTION_MAGIC:
+        raise CaptureError(
+            path,
+            f"not a pcapng file: it begins with {start[:4].hex(' ')}, not with 0a 0d 0d 0a, nor with the number of a "
+            f"classic pcap file",
+            offset=0,
+        )
+    yield from _pcapng_blocks(file, path, start)
+
+
+def _pcapng_blocks(file: BinaryIO, path: Path, head: bytes) -> Iterator[Block]:
     offset = 0
-    byte_order = ""
-    while head := file.read(_HEAD_BYTES):
-        if offset == 0:
-            _check_magic(head, path)
+    byte_order = "<"
+    heads = struct.Struct("<II")
+    tail = struct.Struct("<I")
+    while head:
         if len(head) < _HEAD_BYTES:
             raise CaptureError(path, f"truncated: {len(head)} bytes of a block's head are there", offset=offset)
-        if head[:4] == SECTION_HEADER.to_bytes(4, "big"):  # reads the same in either byte order
+        if head[:4] == _SECTION_MAGIC:
             byte_order = _byte_order(head[8:], path, offset)
-        kind, size = struct.unpack_from(f"{byte_order}II", head)
+            heads, tail = struct.Struct(f"{byte_order}II"), struct.Struct(f"{byte_order}I")
+        kind, size = heads.unpack_from(head)
         if not _HEAD_BYTES <= size <= _MAX_BLOCK_BYTES or size % 4:
             raise CaptureError(path, f"the block is damaged: its length cannot be {size} bytes", offset=offset)
         data = head + file.read(size - _HEAD_BYTES)
         if len(data) < size:
             raise CaptureError(path, f"truncated: {len(data)} of a block's {size} bytes are there", offset=offset)
+        if tail.unpack_from(data, size - 4)[0] != size:
+            raise CaptureError(path, "the block is damaged: length fields do not match", offset=offset)
         yield Block(offset, kind, byte_order, data)
         offset += size
-    if offset == 0:
-        raise CaptureError(path, "the file is empty", offset=0)
+        head = file.read(_HEAD_BYTES)
 
 
-def _check_magic(head: bytes, path: Path) -> None:
-    magic = head[:4]
-    if magic in _CLASSIC_PCAP:
-        raise CaptureError(path, "a classic pcap file, not pcapng; convert it: editcap -F pcapng OLD NEW", offset=0)
-    if magic != SECTION_HEADER.to_bytes(4, "big"):
-        raise CaptureError(path, f"not a pcapng file: it begins with {magic.hex(' ')}, not with 0a 0d 0d 0a", offset=0)
+def _classic_blocks(file: BinaryIO, path: Path, start: bytes) -> Iterator[Block]:
+    byte_order = _CLASSIC_PCAP[start[:4]]
+    header = start + file.read(CLASSIC_FILE_BYTES - len(start))
+    if len(header) < CLASSIC_FILE_BYTES:
+        raise CaptureError(path, f"truncated: {len(header)} of the header's {CLASSIC_FILE_BYTES} bytes", offset=0)
+    yield Block(0, CLASSIC_FILE, byte_order, header)
+    offset = CLASSIC_FILE_BYTES
+    sizes = struct.Struct(f"{byte_order}8xI")
+    while head := file.read(CLASSIC_PACKET_BYTES):
+        if len(head) < CLASSIC_PACKET_BYTES:
+            raise CaptureError(path, f"truncated: {len(head)} bytes of a packet's head are there", offset=offset)
+        (size,) = sizes.unpack_from(head)
+        if size > _MAX_BLOCK_BYTES:
+            raise CaptureError(path, f"the packet is damaged: its length cannot be {size} bytes", offset=offset)
+        data = head + file.read(size)
+        if len(data) < CLASSIC_PACKET_BYTES + size:
+            there = len(data) - CLASSIC_PACKET_BYTES
+            raise CaptureError(path, f"truncated: {there} of a packet's {size} bytes are there", offset=offset)
+        yield Block(offset, CLASSIC_PACKET, byte_order, data)
+        offset += len(data)
 
 
 def _byte_order(mark: bytes, path: Path, offset: int) -> str:

@@ -6,12 +6,18 @@ test holds both ways equal on recorded and on broken bytes.
 
 from struct import Struct
 
+from hil.values.fri import COMMAND_IDENTIFIER
 from hil.values.fri_messages import CommandData, CommandMessage
 
-_SEVEN = Struct("<" + "cd" * 7).unpack_from
-_THIRTEEN = Struct("<" + "cd" * 7 + "4s6d").unpack_from
-_FOURTEEN = Struct("<" + "cd" * 7 + "2s" + "cd" * 7).unpack_from
-_TAGS = (b"\x09",) * 7
+# The tag before each number is left out of what is unpacked: all of them are compared at once.
+_SEVEN = Struct("<" + "xd" * 7).unpack_from
+_THIRTEEN = Struct("<" + "xd" * 7 + "4s6d").unpack_from
+_FOURTEEN = Struct("<" + "xd" * 7 + "2s" + "xd" * 7).unpack_from
+_TAGS = b"\x09" * 7
+_HEADER_TAGS = b"\x08\x10\x18"
+_COUNTER_TAGS = _HEADER_TAGS[1:]
+_IDENTIFIED = b"\x08\x81\x80\xd0\x01"
+"""The identifier of a command, as far as it is the right one."""
 _POSITION_ALONE = b"\x12\x41\x0a\x3f"
 """CommandData of 65 bytes that holds JointValues of 63 bytes and nothing else."""
 _POSITION_AND_WRENCH = b"\x12\x75\x0a\x3f"
@@ -44,36 +50,35 @@ def _data(body: bytes, at: int) -> CommandData | None:
     """Return the data that fill ``body`` from ``at`` on, if they are of a usual shape."""
     size = len(body) - at
     if size == _POSITION_BYTES and body.startswith(_POSITION_ALONE, at):
-        values = _SEVEN(body, at + 4)
-        return CommandData(values[1::2]) if values[::2] == _TAGS else None
+        return CommandData(_SEVEN(body, at + 4)) if body[at + 4 :: 9] == _TAGS else None
     if size == _TORQUE_BYTES and body.startswith(_POSITION_AND_TORQUE, at):
         values = _FOURTEEN(body, at + 5)
-        usual = values[14] == _TORQUE and values[:14:2] == _TAGS and values[15::2] == _TAGS
-        return CommandData(values[1:14:2], torque=values[16::2]) if usual else None
+        usual = values[7] == _TORQUE and body[at + 5 : at + 68 : 9] == _TAGS and body[at + 70 :: 9] == _TAGS
+        return CommandData(values[:7], torque=values[8:]) if usual else None
     if size == _WRENCH_BYTES and body.startswith(_POSITION_AND_WRENCH, at):
         values = _THIRTEEN(body, at + 4)
-        usual = values[14] == _WRENCH and values[:14:2] == _TAGS
-        return CommandData(values[1:14:2], wrench=values[15:]) if usual else None
+        usual = values[7] == _WRENCH and body[at + 4 : at + 67 : 9] == _TAGS
+        return CommandData(values[:7], wrench=values[8:]) if usual else None
     return None
 
 
 def _header(body: bytes, end: int) -> list[int] | None:
-    """Return identifier and both counters when the header holds them in order and nothing else."""
-    at = 2
-    numbers: list[int] = []
-    for tag in b"\x08\x10\x18":
-        if at >= end or body[at] != tag:
+    """Return identifier and both counters when the header, which ends at ``end``, holds them and nothing else."""
+    at, numbers, tags = 2, [], _HEADER_TAGS
+    if body.startswith(_IDENTIFIED, at):
+        at, numbers, tags = at + len(_IDENTIFIED), [COMMAND_IDENTIFIER], _COUNTER_TAGS
+    for tag in tags:
+        if at + 1 >= end or body[at] != tag:
             return None
-        number = shift = 0
-        while True:
-            at += 1
+        byte = body[at + 1]
+        at += 2
+        number, shift = byte & 0x7F, 7
+        while byte >= 0x80:
             if at >= end or shift > 28:
                 return None
             byte = body[at]
+            at += 1
             number |= (byte & 0x7F) << shift
-            if byte < 0x80:
-                break
             shift += 7
         numbers.append(number)
-        at += 1
     return numbers if at == end and max(numbers) <= 0xFFFFFFFF else None

@@ -1,5 +1,9 @@
 """Values to protobuf messages. Written out by hand, field by field: this runs once a cycle."""
 
+from struct import Struct
+from typing import Final
+
+from hil.values.fri import MONITORING_IDENTIFIER, RedundancyStrategy
 from hil.values.fri_messages import (
     CommandData,
     CommandMessage,
@@ -9,23 +13,36 @@ from hil.values.fri_messages import (
     IpoData,
     MonitorData,
     MonitoringMessage,
+    Redundancy,
     RobotInfo,
+    TimeStamp,
     Transformation,
     Vector,
 )
 from transport.fri import fri_pb2
-from transport.fri.vectors import pose_field, varint, vector_field
+from transport.fri.vectors import LAST_ONE_BYTE, ONE_BYTE, pose_field, varint, vector_field
 
-_MONITOR = b"\x1a"
-_MEASURED_POSE = b"\x4a"
-_IPO = b"\x2a"
+_HEADER: Final = b"\x0a"
+_IDENTIFIED: Final = b"\x08" + varint(MONITORING_IDENTIFIER) + b"\x10"
+"""The identifier of a monitoring message, and the tag of the counter behind it."""
+_REFLECTED: Final = b"\x18"
+_MONITOR: Final = b"\x1a"
+_IPO: Final = b"\x2a"
+_MEASURED_POSE: Final = b"\x4a"
+_REDUNDANCY: Final = Struct("<4s" + "cd").pack
+_REDUNDANCY_E1: Final = b"\x52\x0b\x08\x00"
+_AT: Final = b"\x7a"
+_SECONDS: Final = b"\x08"
+_NANOSECONDS: Final = b"\x10"
+_NUMBER: Final = b"\x11"
+_MOST_UINT32: Final = 0xFFFFFFFF
 
 
 class MonitoringWriter:
     """Writes monitoring messages in pieces, in field order: protobuf messages may be joined end to end.
 
-    Joint vectors, most of the message, are packed without protobuf objects (:mod:`transport.fri.vectors`). Robot and
-    connection rarely change between two messages, so their bytes are kept as long as the same objects come.
+    What changes with every message is packed without protobuf objects (:mod:`transport.fri.vectors`). The rest rarely
+    differs between two messages, so its bytes are kept as long as the same objects come.
     """
 
     def __init__(self) -> None:
@@ -33,17 +50,77 @@ class MonitoringWriter:
         self._robot = b""
         self._connection_of: ConnectionInfo | None = None
         self._connection = b""
+        self._ipo_of: IpoData | None = None
+        self._ipo = b""
+        self._external_of: Vector | None = None
+        self._external = b""
+        self._second = -1
+        self._second_piece = b""
+        self._signals_of: tuple[IOValue, ...] = ()
+        self._signals = b""
 
     def monitoring(self, message: MonitoringMessage) -> bytes:
         """Return the bytes of a monitoring message."""
-        head = fri_pb2.MonitoringMessage()
-        _header(head.header, message)
-        if message.robot is not self._robot_of:
-            self._robot_of, self._robot = message.robot, _robot_piece(message.robot)
-        monitored = b"" if message.monitor is None else _field(_MONITOR, _monitor_bytes(message.monitor))
-        if message.connection is not self._connection_of:
-            self._connection_of, self._connection = message.connection, _connection_piece(message.connection)
-        return b"".join((head.SerializeToString(), self._robot, monitored, self._connection, _tail(message)))
+        counter, reflected, robot, monitor, connection, ipo, requested, end_of, identifier = message
+        if robot is not self._robot_of:
+            self._robot_of, self._robot = robot, _robot_piece(robot)
+        if connection is not self._connection_of:
+            self._connection_of, self._connection = connection, _connection_piece(connection)
+        if ipo is not self._ipo_of:
+            self._ipo_of, self._ipo = ipo, b"" if ipo is None else _field(_IPO, _ipo_bytes(ipo))
+        pieces = (
+            _header_piece(identifier, counter, reflected),
+            self._robot,
+            b"" if monitor is None else _field(_MONITOR, self._monitor(monitor)),
+            self._connection,
+            self._ipo,
+            _tail(message) if requested or end_of is not None else b"",
+        )
+        return b"".join(pieces)
+
+    def _monitor(self, monitor: MonitorData) -> bytes:
+        (
+            measured_position, measured_torque, commanded_position, commanded_torque, external_torque, external_force,
+            signals, pose, redundancy, at,
+        ) = monitor  # fmt: skip
+        # An estimate is made less often than a message.
+        if external_torque is not self._external_of:
+            self._external_of, self._external = external_torque, vector_field(b"\x2a", external_torque)
+        if signals is not self._signals_of:
+            self._signals_of, self._signals = signals, _signals_bytes(signals)
+        pieces = (
+            vector_field(b"\x0a", measured_position),
+            vector_field(b"\x12", measured_torque),
+            vector_field(b"\x1a", commanded_position),
+            vector_field(b"\x22", commanded_torque),
+            self._external,
+            vector_field(b"\x32", external_force),
+            self._signals,
+            b"" if pose is None else _pose_bytes(pose),
+            b"" if redundancy is None else _redundancy_bytes(redundancy),
+            b"" if at is None else self._time(at),
+        )
+        return b"".join(pieces)
+
+    def _time(self, at: TimeStamp) -> bytes:
+        seconds, nanoseconds = at
+        if seconds != self._second:
+            if not 0 <= seconds <= _MOST_UINT32:
+                return _time_bytes(at)
+            self._second, self._second_piece = seconds, _SECONDS + varint(seconds) + _NANOSECONDS
+        if not 0 <= nanoseconds <= _MOST_UINT32:
+            return _time_bytes(at)
+        return _field(_AT, self._second_piece + varint(nanoseconds))
+
+
+def _header_piece(identifier: int, counter: int, reflected: int) -> bytes:
+    if identifier == MONITORING_IDENTIFIER and 0 <= counter <= _MOST_UINT32 and 0 <= reflected <= _MOST_UINT32:
+        return _field(_HEADER, b"".join((_IDENTIFIED, varint(counter), _REFLECTED, varint(reflected))))
+    wire = fri_pb2.MonitoringMessage()
+    wire.header.identifier = identifier
+    wire.header.sequence_counter = counter
+    wire.header.reflected_sequence_counter = reflected
+    return wire.SerializePartialToString()
 
 
 def _robot_piece(robot: RobotInfo | None) -> bytes:
@@ -77,43 +154,42 @@ def _connection_piece(connection: ConnectionInfo | None) -> bytes:
 
 
 def _tail(message: MonitoringMessage) -> bytes:
-    told = b"" if message.ipo is None else _field(_IPO, _ipo_bytes(message.ipo))
-    if not message.requested_transformations and message.end_of is None:
-        return told
     wire = fri_pb2.MonitoringMessage()
     for requested in message.requested_transformations:
         _transformation(wire.requested_transformation.add(), requested)
     if message.end_of is not None:
         _end_of(wire.end_of, message.end_of)
-    return told + wire.SerializePartialToString()
+    return wire.SerializePartialToString()
 
 
-def _monitor_bytes(monitor: MonitorData) -> bytes:
-    rest = fri_pb2.MonitorData()
-    pose = None
-    if monitor.measured_pose is not None:
-        if monitor.measured_pose.at is None and not monitor.inputs_outputs:
-            pose = pose_field(_MEASURED_POSE, monitor.measured_pose.name, monitor.measured_pose.values)
-        if pose is None:
-            _transformation(rest.measured_pose, monitor.measured_pose)
-    for value in monitor.inputs_outputs:
-        _io(rest.io.add(), value)
-    if monitor.redundancy is not None:
-        rest.redundancy.strategy, rest.redundancy.value = monitor.redundancy
-    if monitor.at is not None:
-        rest.at.seconds, rest.at.nanoseconds = monitor.at
-    return b"".join(
-        (
-            vector_field(b"\x0a", monitor.measured_position),
-            vector_field(b"\x12", monitor.measured_torque),
-            vector_field(b"\x1a", monitor.commanded_position),
-            vector_field(b"\x22", monitor.commanded_torque),
-            vector_field(b"\x2a", monitor.external_torque),
-            vector_field(b"\x32", monitor.external_force),
-            pose or b"",
-            rest.SerializeToString(),
-        )
-    )
+def _signals_bytes(signals: tuple[IOValue, ...]) -> bytes:
+    wire = fri_pb2.MonitorData()
+    for signal in signals:
+        _io(wire.io.add(), signal)
+    return wire.SerializeToString()
+
+
+def _pose_bytes(pose: Transformation) -> bytes:
+    usual = pose_field(_MEASURED_POSE, pose.name, pose.values) if pose.at is None else None
+    if usual is not None:
+        return usual
+    wire = fri_pb2.MonitorData()
+    _transformation(wire.measured_pose, pose)
+    return wire.SerializeToString()
+
+
+def _redundancy_bytes(redundancy: Redundancy) -> bytes:
+    if redundancy.strategy == RedundancyStrategy.E1:
+        return _REDUNDANCY(_REDUNDANCY_E1, _NUMBER, redundancy.value)
+    wire = fri_pb2.MonitorData()
+    wire.redundancy.strategy, wire.redundancy.value = redundancy
+    return wire.SerializeToString()
+
+
+def _time_bytes(at: TimeStamp) -> bytes:
+    wire = fri_pb2.MonitorData()
+    wire.at.seconds, wire.at.nanoseconds = at
+    return wire.SerializeToString()
 
 
 def _ipo_bytes(ipo: IpoData) -> bytes:
@@ -132,7 +208,8 @@ def _ipo_bytes(ipo: IpoData) -> bytes:
 
 
 def _field(tag: bytes, body: bytes) -> bytes:
-    return b"".join((tag, varint(len(body)), body))
+    size = len(body)
+    return b"".join((tag, ONE_BYTE[size] if size <= LAST_ONE_BYTE else varint(size), body))
 
 
 def command(message: CommandMessage) -> fri_pb2.CommandMessage:

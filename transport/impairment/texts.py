@@ -102,7 +102,7 @@ _KINDS: Final = {
     "jitter": _Kind(
         rf"{_DURATION}(?:/(?P<distribution>{'|'.join(Distribution)}))?(?P<overtaking>/overtaking)?",
         _jitter,
-        f"jitter=1ms[/{'|'.join(Distribution)}][/overtaking]",
+        f"jitter=1ms (then /{', /'.join(Distribution)} and /overtaking if wanted)",
     ),
     "reorder": _Kind(
         rf"{_SHARE}(?:/(?:{_DURATION}|(?P<count>{_COUNT})))?",
@@ -128,7 +128,7 @@ _KINDS: Final = {
         rf"(?P<dead>{'|'.join(Direction)})"
         rf"(?:@{_quantity('begin', DURATION_NS)}\.\.{_quantity('end', DURATION_NS)}?)?",
         _half_open,
-        "half-open=to-peer|to-controller[@5s..[8s]] (the dead direction)",
+        "half-open=to-peer, half-open=to-controller@5s.. or half-open=to-peer@5s..8s (the dead direction)",
     ),
     "skew": _Kind(
         rf"(?P<ppm>-?{_NUMBER})ppm{_AFTER}",

@@ -5,13 +5,16 @@ to its one peer) comes first too, and a stranger's bytes are not worth parsing. 
 judged by :mod:`hil.core.fri.commands` once it is known what the session does with it.
 """
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from hil.core.fri.sequence import SequenceTracker
 from hil.values.errors import MalformedDatagram
 from hil.values.fri_messages import CommandMessage, ControllerCodec
 from hil.values.link import Address
 from hil.values.outcomes import Outcome
+
+# A member of an enumeration costs a search each time it is named by its class.
+_ACCEPTED: Final = Outcome.ACCEPTED
 
 
 class Admitted(NamedTuple):
@@ -48,17 +51,18 @@ class Admission:
             message = self._codec.decode_command(datagram)
         except MalformedDatagram as error:
             return Dropped(error.outcome, error.detail)
-        verdict = self._tracker.judge(message.reflected_sequence_counter, now_ns=now_ns)
-        if verdict.outcome is not Outcome.ACCEPTED:
-            return Dropped(verdict.outcome, verdict.detail)
-        before = self._tracker.client_counter
-        restarted = self._tracker.answered(message.reflected_sequence_counter, message.sequence_counter)
-        outcome, detail = Outcome.ACCEPTED, ""
-        if verdict.age_ns > self._budget_ns:
-            outcome = Outcome.LATE
-            detail = (
-                f"the answer to message {message.reflected_sequence_counter} came after "
-                f"{verdict.age_ns / 1e6:.2f} ms, {(verdict.age_ns - self._budget_ns) / 1e6:.2f} ms "
-                f"over the budget of {self._budget_ns / 1e6:g} ms"
-            )
-        return Admitted(message, verdict.age_ns, outcome, detail, before if restarted else None)
+        tracker, counter, reflected = self._tracker, message[0], message[1]
+        age_ns = tracker.fresh_age_ns(reflected, now_ns=now_ns)
+        if age_ns is None:
+            outcome, _, detail = tracker.judge(reflected, now_ns=now_ns)
+            return Dropped(outcome, detail)
+        before = tracker.client_counter
+        restarted_from = before if tracker.answered(reflected, counter) else None
+        if age_ns <= self._budget_ns:
+            return Admitted(message, age_ns, _ACCEPTED, "", restarted_from)
+        detail = (
+            f"the answer to message {reflected} came after "
+            f"{age_ns / 1e6:.2f} ms, {(age_ns - self._budget_ns) / 1e6:.2f} ms "
+            f"over the budget of {self._budget_ns / 1e6:g} ms"
+        )
+        return Admitted(message, age_ns, Outcome.LATE, detail, restarted_from)

@@ -1,26 +1,20 @@
 """The client as commander of an overlay: first it mirrors the interpolator, then it commands."""
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from hil.core.fri.commands import CommandBounds, Refusal, joint_position, not_allowed
 from hil.core.fri.overlay_commands import axes_of, axis_torque, cartesian_pose, with_singularity, wrench
-from hil.core.fri.sequence import counter_distance
 from hil.core.kinematics.srs import SrsKinematics
 from hil.core.motion.executive import MotionExecutive
 from hil.core.motion.set_point import STILL
 from hil.core.settings import NS_PER_MS, FriSettings
 from hil.values.control import NO_WRENCH, ControlSetup, Six
-from hil.values.fri import OverlayKind
+from hil.values.fri import SEQUENCE_MODULUS, OverlayKind
 from hil.values.fri_messages import CommandData, CommandMessage
 from hil.values.robot import JOINT_NAMES, JointLimits, Seven
 
-
-class _Demand(NamedTuple):
-    """What a command asks for, whatever the overlay."""
-
-    position_rad: Seven
-    torque_nm: Seven = STILL
-    wrench: Six = NO_WRENCH
+_Demand: TypeAlias = tuple[Seven, Seven, Six]
+"""What a command asks for, whatever the overlay: position in rad, and what is added to it: torques in Nm, a wrench."""
 
 
 class _Off(NamedTuple):
@@ -54,6 +48,9 @@ class OverlayCommander:
         self._torque_limit_nm = limits.torque_nm
         self._kinematics = kinematics
         self._control = control
+        self._send_period_ns = settings.send_period_ms * NS_PER_MS
+        self._watchdog_ns = settings.watchdog_ns
+        self._approach_s = settings.budget_ns * 1e-9
         self._accepted_position: Seven = motion.hold_position_rad
         self._accepted_counter = 0
         self._silent_answers = 0
@@ -108,14 +105,12 @@ class OverlayCommander:
         demand = self._demand(message.command)
         if isinstance(demand, Refusal):
             return self._without_demand(message, demand)
-        position = demand.position_rad
-        periods = counter_distance(self._accepted_counter, message.reflected_sequence_counter)
-        elapsed_ns = min(periods * self._settings.send_period_ms * NS_PER_MS, self._settings.watchdog_ns)
+        position, torque_nm, force = demand
+        reflected = message.reflected_sequence_counter
+        periods = (reflected - self._accepted_counter) % SEQUENCE_MODULUS
+        elapsed_ns = min(periods * self._send_period_ns, self._watchdog_ns)
         refusal = self._bounds.step(
-            position,
-            self._accepted_position,
-            elapsed_s=elapsed_ns * 1e-9,
-            approach_s=self._settings.budget_ns * 1e-9,
+            position, self._accepted_position, elapsed_s=elapsed_ns * 1e-9, approach_s=self._approach_s
         )
         if refusal is not None:
             if self._poses:
@@ -123,10 +118,10 @@ class OverlayCommander:
             return refusal._replace(ends_motion=True)
         self._silent_answers = 0
         self._accepted_position = position
-        self._accepted_counter = message.reflected_sequence_counter
+        self._accepted_counter = reflected
         self._motion.retarget(position)
         if self._torques or self._wrenches:
-            self._motion.overlay_torque_nm, self._motion.overlay_wrench = demand.torque_nm, demand.wrench
+            self._motion.overlay_torque_nm, self._motion.overlay_wrench = torque_nm, force
         return None
 
     def monitor(self, message: CommandMessage) -> Refusal | None:
@@ -146,18 +141,18 @@ class OverlayCommander:
             if isinstance(target, Refusal):
                 return target
             axes = axes_of(target, self._kinematics, self._accepted_position)
-            return axes if isinstance(axes, Refusal) else _Demand(axes)
+            return axes if isinstance(axes, Refusal) else (axes, STILL, NO_WRENCH)
         position = joint_position(data)
-        return position if isinstance(position, Refusal) else self._added(position, data)
+        if isinstance(position, Refusal):
+            return position
+        return self._added(position, data) if self._torques or self._wrenches else (position, STILL, NO_WRENCH)
 
     def _added(self, position: Seven, data: CommandData | None) -> _Demand | Refusal:
         if self._torques:
             torque = axis_torque(data, self._torque_limit_nm)
-            return torque if isinstance(torque, Refusal) else _Demand(position, torque)
-        if self._wrenches:
-            force = wrench(data)
-            return force if isinstance(force, Refusal) else _Demand(position, wrench=force)
-        return _Demand(position)
+            return torque if isinstance(torque, Refusal) else (position, torque, NO_WRENCH)
+        force = wrench(data)
+        return force if isinstance(force, Refusal) else (position, STILL, force)
 
     def _without_demand(self, message: CommandMessage, refusal: Refusal) -> Refusal:
         """An answer that commands nothing holds the arm; for as long as the watchdog would bear silence."""
@@ -167,13 +162,13 @@ class OverlayCommander:
         self._silent_answers += 1
         self._motion.overlay_torque_nm, self._motion.overlay_wrench = STILL, NO_WRENCH
         silent_ns = self._silent_answers * self._settings.budget_ns
-        return refusal._replace(ends_motion=silent_ns >= self._settings.watchdog_ns)
+        return refusal._replace(ends_motion=silent_ns >= self._watchdog_ns)
 
     def _position_off(self, data: CommandData | None, hold_rad: Seven) -> _Off | Refusal | None:
         demand = self._demand(data)
         if isinstance(demand, Refusal):
             return demand
-        off = [abs(there - here) for there, here in zip(demand.position_rad, hold_rad, strict=True)]
+        off = [abs(there - here) for there, here in zip(demand[0], hold_rad, strict=True)]
         worst = max(range(len(off)), key=off.__getitem__)
         if off[worst] <= self._settings.mirror_tolerance_rad:
             return None

@@ -1,6 +1,8 @@
 """What a decoded command must satisfy before the interpolator sees it: finite, right shape, allowed, within limits."""
 
 import math
+from itertools import compress
+from operator import ne
 from typing import Final, NamedTuple
 
 from hil.values.fri import OverlayKind
@@ -12,6 +14,7 @@ VELOCITY_TOLERANCE = 1e-6
 """Relative; a client that clamps its steps to the axis velocity must not fail on rounding."""
 
 
+_AXES: Final = range(JOINT_COUNT)
 _Axis = tuple[float, float, float, float]
 """Range (low, high) in rad, velocity limit in rad/s, rated deceleration in rad/s2."""
 
@@ -35,6 +38,7 @@ _TAKES: Final = {
 
 
 _NOTHING_ELSE: Final = CommandData()[1:]
+_CARTESIAN_POSE: Final = OverlayKind.CARTESIAN_POSE
 
 
 def not_allowed(data: CommandData | None, overlay: OverlayKind) -> Refusal | None:
@@ -42,7 +46,7 @@ def not_allowed(data: CommandData | None, overlay: OverlayKind) -> Refusal | Non
     if data is None:
         return None
     # Most overlays are of joint positions, and most commands carry nothing else.
-    if data[1:] == _NOTHING_ELSE and overlay is not OverlayKind.CARTESIAN_POSE:
+    if data[1:] == _NOTHING_ELSE and overlay is not _CARTESIAN_POSE:
         return None
     not_taken = _of_another_overlay(data, overlay)
     if not_taken is None:
@@ -104,9 +108,10 @@ class CommandBounds:
         axis range, when it is faster than the axis may move, and when the axis, arriving as fast as the interpolator
         will let it, could not stop before the end of its range with its rated deceleration.
         """
-        for axis, (value, before, bounds) in enumerate(zip(target, previous, self._axes, strict=True)):
-            # What was accepted before is in range.
-            if value != before and (refusal := _refused_step(axis, value, before, bounds, elapsed_s, approach_s)):
+        # What was accepted before is in range, and most axes stand still most of the time.
+        for axis in compress(_AXES, map(ne, target, previous)):
+            refusal = _refused_step(axis, target[axis], previous[axis], self._axes[axis], elapsed_s, approach_s)
+            if refusal is not None:
                 return refusal
         return None
 

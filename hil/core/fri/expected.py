@@ -4,6 +4,7 @@ from collections import deque
 
 from hil.core.fri.quality import QualityMeter
 from hil.core.fri.sequence import counter_distance
+from hil.values.fri import SEQUENCE_MODULUS
 
 
 class ExpectedAnswers:
@@ -42,9 +43,10 @@ class ExpectedAnswers:
         """A fresh answer came; only one within the budget counts for its window, and only the first."""
         if age_ns > self._budget_ns:
             return
-        for window in self._pending:
-            if counter_distance(window[0], reflected) < self._multiplier:
-                self._pending.remove(window)
+        pending = self._pending
+        for place, (first, _) in enumerate(pending):
+            if (reflected - first) % SEQUENCE_MODULUS < self._multiplier:
+                del pending[place]
                 self._meter.answered(now_ns=now_ns, latency_ns=age_ns)
                 return
         if self._in_open_window(reflected) and not self._open_answered:

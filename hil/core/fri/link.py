@@ -10,7 +10,7 @@ from typing import Final
 
 from hil.core.counters import EVENT_INTERVAL_NS, PacketCounters
 from hil.core.events import ClientRestarted, Event, QualityChanged, ReleaseDoubted
-from hil.core.fri.admission import Admission, Admitted, Dropped
+from hil.core.fri.admission import Admission, Dropped
 from hil.core.fri.commander import OverlayCommander
 from hil.core.fri.commands import Refusal
 from hil.core.fri.expected import ExpectedAnswers
@@ -35,6 +35,12 @@ from hil.values.operator import OperatorView
 from hil.values.outcomes import FRI_DROPS, Outcome
 from hil.values.robot import JointLimits
 
+# A member of an enumeration costs a search each time it is named by its class, and these are named in every cycle.
+_ACCEPTED: Final = Outcome.ACCEPTED
+_GOOD: Final = Quality.GOOD
+_IDLE: Final = SessionState.IDLE
+_COMMANDING_WAIT: Final = SessionState.COMMANDING_WAIT
+_COMMANDING_ACTIVE: Final = SessionState.COMMANDING_ACTIVE
 _FIGURES: Final = str.maketrans("", "", "0123456789.+-")
 
 
@@ -67,9 +73,9 @@ class FriLink:
         self._stop = stop
         self._cycles_per_message = settings.send_period_ms // cycle_ms
         self._cycles_until_message = 0
-        self._budget_ns = settings.budget_ns
-        self._tracker = SequenceTracker()
-        self._meter = QualityMeter(budget_ns=self._budget_ns)
+        self._budget_ns, self._watchdog_ns = settings.budget_ns, settings.watchdog_ns
+        self._tracker = SequenceTracker(first_counter=settings.first_sequence_counter)
+        self._meter = QualityMeter(budget_ns=self._budget_ns, rise_ns=settings.quality_rise_ms * NS_PER_MS)
         self._expected = ExpectedAnswers(
             receive_multiplier=settings.receive_multiplier, budget_ns=self._budget_ns, meter=self._meter
         )
@@ -112,7 +118,7 @@ class FriLink:
     @property
     def commanding(self) -> bool:
         """True in COMMANDING_WAIT and COMMANDING_ACTIVE."""
-        return self.log.state >= SessionState.COMMANDING_WAIT
+        return self.log.state >= _COMMANDING_WAIT
 
     def receive(self, datagram: bytes, sender: Address, *, now_ns: int) -> None:
         """Take one datagram from the link's socket; never raises for what a peer sends."""
@@ -121,14 +127,16 @@ class FriLink:
         if isinstance(admitted, Dropped):
             self._drop(admitted.outcome, admitted.detail, now_ns)
             return
-        message = admitted.message
-        self._expected.answered(message.reflected_sequence_counter, age_ns=admitted.age_ns, now_ns=now_ns)
-        self.answer_latency.add(admitted.age_ns)
-        self._note_restart(admitted, now_ns)
-        if admitted.outcome is not Outcome.ACCEPTED:
-            self._drop(admitted.outcome, admitted.detail, now_ns)
+        message, age_ns, outcome, detail, restarted_from = admitted
+        reflected = message.reflected_sequence_counter
+        self._expected.answered(reflected, age_ns=age_ns, now_ns=now_ns)
+        self.answer_latency.add(age_ns)
+        if restarted_from is not None:
+            self._note_restart(restarted_from, message.sequence_counter, now_ns)
+        if outcome is not _ACCEPTED:
+            self._drop(outcome, detail, now_ns)
             return
-        self._heard = message.reflected_sequence_counter, now_ns
+        self._heard = reflected, now_ns
         refusal = self._take(message, now_ns)
         if refusal is None:
             self.counters.accepted()
@@ -145,13 +153,14 @@ class FriLink:
         if 2 * (started_ns - now_ns) > self._budget_ns:
             self._late_cycles_ns.append(now_ns)
         state = self.log.state
-        if state is SessionState.IDLE:
+        if state is _IDLE:
             if not closing:
                 self._gate.session_opened()
                 self._go(Trigger.SESSION_OPENED, "the robot application opens the session", now_ns)
             return
-        self._note_quality(now_ns)
-        if self.commanding:
+        if self._meter.quality is not self._known_quality:
+            self._note_quality(now_ns)
+        if state >= _COMMANDING_WAIT:
             self._guard_commanding(now_ns)
         elif state is SessionState.MONITORING_WAIT:
             self._try_ready(now_ns)
@@ -171,7 +180,7 @@ class FriLink:
         if self._cycles_until_message:
             self._cycles_until_message -= 1
             return None
-        if self.log.state is SessionState.IDLE:
+        if self.log.state is _IDLE:
             return None
         self._cycles_until_message = self._cycles_per_message - 1
         return self._encode(arm, operator, now_ns=now_ns, sent_ns=started_ns)
@@ -189,6 +198,7 @@ class FriLink:
         return self._encode(arm, operator, now_ns=now_ns, sent_ns=now_ns)
 
     def _encode(self, arm: ArmState, operator: OperatorView, *, now_ns: int, sent_ns: int) -> bytes:
+        motion = self._motion
         counter = self._tracker.sent(at_ns=sent_ns)
         if self._first_counter_of_state is None:
             self._first_counter_of_state = counter
@@ -202,10 +212,10 @@ class FriLink:
                 quality=self._meter.quality,
                 arm=arm,
                 operator=operator,
-                control_mode=self._motion.control.kind,
-                set_point=self._motion.set_point,
-                hold_position_rad=self._motion.hold_position_rad,
-                tracking_performance=self._motion.tracking_performance,
+                control_mode=motion.control.kind,
+                set_point=motion.set_point,
+                hold_position_rad=motion.hold_position_rad,
+                tracking_performance=motion.tracking_performance,
                 now_ns=now_ns,
             )
         )
@@ -241,25 +251,23 @@ class FriLink:
 
     def _take_position(self, message: CommandMessage, now_ns: int) -> Refusal | None:
         """Do with the position what the state asks for; return why it is ignored, or None."""
-        if not self._answers_this_state(message):
+        if not (self._client_saw_state or self._answers_this_state(message)):
             return None
-        if self.log.state < SessionState.COMMANDING_WAIT:
-            self._doubt_release(message, now_ns)
-        match self.log.state:
-            case SessionState.COMMANDING_ACTIVE:
-                refusal = self._commander.command(message)
-                if refusal is not None and refusal.ends_motion:
-                    self._stop_for(refusal, now_ns)
-                return refusal
-            case SessionState.COMMANDING_WAIT:
-                refusal = self._commander.mirror(message)
-                if self._commander.mirrors:
-                    self._commander.start()
-                    reason = f"{self._commander.mirrored} answers in a row mirrored the interpolator"
-                    self._go(Trigger.CLIENT_MIRRORS, reason, now_ns)
-                return refusal
-            case _:
-                return self._commander.monitor(message)
+        state = self.log.state
+        if state is _COMMANDING_ACTIVE:
+            refusal = self._commander.command(message)
+            if refusal is not None and refusal.ends_motion:
+                self._stop_for(refusal, now_ns)
+            return refusal
+        if state is _COMMANDING_WAIT:
+            refusal = self._commander.mirror(message)
+            if self._commander.mirrors:
+                self._commander.start()
+                reason = f"{self._commander.mirrored} answers in a row mirrored the interpolator"
+                self._go(Trigger.CLIENT_MIRRORS, reason, now_ns)
+            return refusal
+        self._doubt_release(message, now_ns)
+        return self._commander.monitor(message)
 
     def _doubt_release(self, message: CommandMessage, now_ns: int) -> None:
         """Say once what an answer in monitoring tells of the client's release (fri-wire, "What a client does")."""
@@ -279,20 +287,21 @@ class FriLink:
         return self._client_saw_state
 
     def _guard_commanding(self, now_ns: int) -> None:
-        silent_ns = self._meter.missed_in_a_row * self._budget_ns
-        if silent_ns >= self._settings.watchdog_ns:
+        meter = self._meter
+        silent_ns = meter.missed_in_a_row * self._budget_ns
+        if silent_ns >= self._watchdog_ns:
             self._stop(
                 Fault(
                     "client lost",
-                    f"{self._meter.missed_in_a_row} answers in a row are missing, {silent_ns / 1e6:g} ms of silence, "
-                    f"the watchdog allows {self._settings.watchdog_ns / 1e6:g} ms{self._last_answer(now_ns)}",
+                    f"{meter.missed_in_a_row} answers in a row are missing, {silent_ns / 1e6:g} ms of silence, "
+                    f"the watchdog allows {self._watchdog_ns / 1e6:g} ms{self._last_answer(now_ns)}",
                 ),
                 now_ns,
             )
-        elif self.quality < Quality.GOOD:
-            figure = f"{self._meter.describe()}{self._own_lateness()}"
-            self._stop(Fault(f"quality {self.quality.name} is not enough", figure), now_ns)
-        elif self.log.state is SessionState.COMMANDING_WAIT and (problem := self._commander.problem):
+        elif meter.quality < _GOOD:
+            figure = f"{meter.describe()}{self._own_lateness()}"
+            self._stop(Fault(f"quality {meter.quality.name} is not enough", figure), now_ns)
+        elif self.log.state is _COMMANDING_WAIT and (problem := self._commander.problem):
             kind = self._commander.problem_kind
             self.log.refuse(SessionState.COMMANDING_ACTIVE, problem, key=kind, now_ns=now_ns)
 
@@ -360,18 +369,13 @@ class FriLink:
         )
 
     def _note_quality(self, now_ns: int) -> None:
-        quality = self._meter.quality
-        if quality is not self._known_quality:
-            old, self._known_quality = self._known_quality, quality
-            self._emit(QualityChanged(now_ns, old, quality, self._meter.describe()))
+        old, self._known_quality = self._known_quality, self._meter.quality
+        self._emit(QualityChanged(now_ns, old, self._known_quality, self._meter.describe()))
 
-    def _note_restart(self, admitted: Admitted, now_ns: int) -> None:
-        before = admitted.client_restarted_from
-        if before is None:
-            return
+    def _note_restart(self, before: int, counter: int, now_ns: int) -> None:
         if now_ns >= self._restart_told_before_ns:
             self._restart_told_before_ns = now_ns + EVENT_INTERVAL_NS
-            self._emit(ClientRestarted(now_ns, before, admitted.message.sequence_counter))
+            self._emit(ClientRestarted(now_ns, before, counter))
         if self.commanding:
             self._stop(Fault("the client restarted while it was commanding"), now_ns)
 

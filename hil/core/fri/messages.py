@@ -34,6 +34,10 @@ from hil.values.fri_messages import (
 from hil.values.operator import OperatorView
 from hil.values.robot import JOINT_COUNT, Seven
 
+# A member of an enumeration costs a search each time it is named by its class, and these are named in every cycle.
+_COMMANDING_WAIT: Final = SessionState.COMMANDING_WAIT
+_COMMANDING_ACTIVE: Final = SessionState.COMMANDING_ACTIVE
+_CARTESIAN: Final = OverlayType.CARTESIAN
 FLANGE_POSE_NAME = "Flange"
 _COMMAND_MODES: Final = {
     OverlayKind.NONE: (ClientCommandMode.NONE, OverlayType.NONE),
@@ -63,9 +67,10 @@ class MessageBuilder:
         self._signals = signals
         self._requested_transformations = requested_transformations
         self._model = model
-        self._settings = settings
+        self._unix_epoch_ns = settings.unix_epoch_ns
         self._fri = fri
         self._command_mode = _COMMAND_MODES[fri.overlay]
+        self._ipo_data: IpoData | None = None
         self._hold: tuple[Seven, Transformation] | None = None
         """Hold position of the last Cartesian overlay, and its pose."""
         self._control = control
@@ -90,7 +95,7 @@ class MessageBuilder:
         now_ns: int,
     ) -> MonitoringMessage:
         """Return the message; interpolator data only from COMMANDING_WAIT on."""
-        commanding = state >= SessionState.COMMANDING_WAIT
+        commanding = state >= _COMMANDING_WAIT
         return MonitoringMessage(
             sequence_counter,
             reflected_sequence_counter,
@@ -133,7 +138,7 @@ class MessageBuilder:
         if traits.pose:
             pose = Transformation(FLANGE_POSE_NAME, self._model.flange_in_base_mm(arm.position_rad))
             redundancy = Redundancy(RedundancyStrategy.E1, arm.position_rad[2])
-        unix_ns = self._settings.unix_epoch_ns + now_ns
+        seconds, nanoseconds = divmod(self._unix_epoch_ns + now_ns, 1_000_000_000)
         return MonitorData(
             arm.position_rad,
             arm.torque_nm,
@@ -144,20 +149,23 @@ class MessageBuilder:
             self._signals.on_wire() if traits.inputs_outputs else (),
             pose,
             redundancy,
-            TimeStamp(unix_ns // 1_000_000_000, unix_ns % 1_000_000_000),
+            TimeStamp(seconds, nanoseconds),
         )
 
     def _external_force(self, arm: ArmState, now_ns: int) -> Vector:
         """Return what pushes the flange in the order of the wire: moments about A, B, C, which are z, y, x."""
-        fx, fy, fz, mx, my, mz = self._control.flange_force(arm, now_ns=now_ns).wrench
+        fx, fy, fz, mx, my, mz = self._control.flange_wrench(arm, now_ns=now_ns)
         return (fx, fy, fz, mz, my, mx)
 
     def _ipo(self, hold_position_rad: Seven, state: SessionState, tracking_performance: float) -> IpoData:
         """Return the interpolator's position, or with a Cartesian overlay its pose, as the recorded clients had it."""
-        tracking = tracking_performance if state is SessionState.COMMANDING_ACTIVE else 0.0
+        tracking = tracking_performance if state is _COMMANDING_ACTIVE else 0.0
         mode, overlay_type = self._command_mode
-        if overlay_type is not OverlayType.CARTESIAN:
-            return IpoData(hold_position_rad, None, None, mode, overlay_type, tracking)
+        if overlay_type is not _CARTESIAN:
+            info = self._ipo_data
+            if info is None or info.position is not hold_position_rad or info.tracking_performance != tracking:
+                info = self._ipo_data = IpoData(hold_position_rad, None, None, mode, overlay_type, tracking)
+            return info
         if self._hold is None or hold_position_rad is not self._hold[0]:
             # It stays for as long as the overlay runs; the model would place the links twice a message.
             pose = Transformation(FLANGE_POSE_NAME, self._model.flange_in_base_mm(hold_position_rad))

@@ -11,6 +11,7 @@ from collections import deque
 
 from hil.values.fri import Quality
 
+_EXCELLENT = Quality.EXCELLENT
 WINDOW_NS = 1_000_000_000
 RISE_NS = 500_000_000
 
@@ -18,8 +19,9 @@ RISE_NS = 500_000_000
 class QualityMeter:
     """Judges expected answers one by one; time is an argument, memory is bounded by the window."""
 
-    def __init__(self, *, budget_ns: int) -> None:
+    def __init__(self, *, budget_ns: int, rise_ns: int = RISE_NS) -> None:
         self._budget_ns = budget_ns
+        self._rise_ns = rise_ns
         self._full_window = WINDOW_NS // budget_ns
         self._window: deque[tuple[int, bool, bool]] = deque()
         """Of each expected answer: when it was judged, whether it came in time, whether in less than half of it."""
@@ -34,12 +36,12 @@ class QualityMeter:
         """An expected answer came in time."""
         self.missed_in_a_row = 0
         self.ever_answered = True
-        self._judge(now_ns, answered=True, fast=2 * latency_ns < self._budget_ns)
+        self._judge(now_ns, True, 2 * latency_ns < self._budget_ns)
 
     def missed(self, *, now_ns: int) -> None:
         """An expected answer did not come within its budget."""
         self.missed_in_a_row += 1
-        self._judge(now_ns, answered=False, fast=False)
+        self._judge(now_ns, False, False)
 
     @property
     def expected_count(self) -> int:
@@ -68,7 +70,7 @@ class QualityMeter:
     def _budget_text(self) -> str:
         return f"the budget of {self._budget_ns / 1e6:g} ms"
 
-    def _judge(self, at_ns: int, *, answered: bool, fast: bool) -> None:
+    def _judge(self, at_ns: int, answered: bool, fast: bool) -> None:  # each cycle: keywords cost
         window = self._window
         window.append((at_ns, answered, fast))
         self._answered += answered
@@ -78,7 +80,7 @@ class QualityMeter:
             _, answered, fast = window.popleft()
             self._answered -= answered
             self._fast -= fast
-        if self._fast == len(window) and self.quality is Quality.EXCELLENT:
+        if self._fast == len(window) and self.quality is _EXCELLENT:
             return
         self._settle(self._figure(), at_ns)
 
@@ -106,6 +108,6 @@ class QualityMeter:
             self._better_since_ns = None
         elif self._better_since_ns is None:
             self._better_since_ns = now_ns
-        elif now_ns - self._better_since_ns >= RISE_NS:
+        elif now_ns - self._better_since_ns >= self._rise_ns:
             self.quality = Quality(self.quality + 1)
             self._better_since_ns = now_ns if figure > self.quality else None

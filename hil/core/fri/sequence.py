@@ -11,6 +11,7 @@ from typing import NamedTuple
 from hil.values.fri import SEQUENCE_MODULUS
 from hil.values.outcomes import Outcome
 
+_HALF = SEQUENCE_MODULUS // 2
 REMEMBERED = 256
 """Messages whose send time is remembered: at least 256 ms of them, more than any budget."""
 
@@ -36,11 +37,11 @@ class SequenceTracker:
 
     def sent(self, *, at_ns: int) -> int:
         """Book the next message as sent and return its counter."""
-        counter = self.next_counter
+        counter, last = self.next_counter, self.last_answered
         self._sent_ns.append(at_ns)
         self.next_counter = (counter + 1) % SEQUENCE_MODULUS
         # Too long ago to order anything by, and after 2^31 messages without an answer it would order them wrongly.
-        if self.last_answered is not None and counter_distance(self.last_answered, counter) > REMEMBERED:
+        if last is not None and (counter - last) % SEQUENCE_MODULUS > REMEMBERED:
             self.last_answered = None
         return counter
 
@@ -49,19 +50,30 @@ class SequenceTracker:
         if self._sent_ns:
             self._sent_ns[-1] = at_ns
 
+    def fresh_age_ns(self, reflected: int, *, now_ns: int) -> int | None:
+        """Return how old the message is that an accepted answer reflects; None where :meth:`judge` has more to say."""
+        distance = (self.next_counter - 1 - reflected) % SEQUENCE_MODULUS
+        if distance >= len(self._sent_ns):
+            return None
+        last = self.last_answered
+        if last is not None and not 0 < (reflected - last) % SEQUENCE_MODULUS < _HALF:
+            return None
+        return now_ns - self._sent_ns[-1 - distance]
+
     def judge(self, reflected: int, *, now_ns: int) -> Verdict:
         """Say what an answer that reflects ``reflected`` is; changes nothing."""
+        age_ns = self.fresh_age_ns(reflected, now_ns=now_ns)
+        if age_ns is not None:
+            return Verdict(Outcome.ACCEPTED, age_ns, "")
         distance = (self.next_counter - 1 - reflected) % SEQUENCE_MODULUS
-        if not self._sent_ns or distance >= SEQUENCE_MODULUS // 2:
+        if not self._sent_ns or distance >= _HALF:
             return Verdict(Outcome.UNSENT_SEQUENCE, 0, f"reflects message {reflected}, which was never sent")
         last = self.last_answered
         if last is not None and not _is_before(last, reflected):
             return self._overtaken(reflected, last)
-        if distance >= len(self._sent_ns):
-            return Verdict(
-                Outcome.REPLAYED, 0, f"reflects message {reflected}, older than the last {len(self._sent_ns)} messages"
-            )
-        return Verdict(Outcome.ACCEPTED, now_ns - self._sent_ns[-1 - distance], "")
+        return Verdict(
+            Outcome.REPLAYED, 0, f"reflects message {reflected}, older than the last {len(self._sent_ns)} messages"
+        )
 
     def _overtaken(self, reflected: int, last: int) -> Verdict:
         if reflected == last:
@@ -72,11 +84,10 @@ class SequenceTracker:
 
     def answered(self, reflected: int, client_counter: int) -> bool:
         """Book a fresh answer; return True when the client's own counter shows that it started anew."""
-        restarted = self.client_counter is not None and not _is_before(self.client_counter, client_counter)
-        self.client_counter = client_counter
+        before, self.client_counter = self.client_counter, client_counter
         self.last_answered = reflected
         self._answered.append(reflected)
-        return restarted
+        return before is not None and not 0 < (client_counter - before) % SEQUENCE_MODULUS < _HALF
 
 
 def counter_distance(earlier: int, later: int) -> int:
@@ -85,4 +96,4 @@ def counter_distance(earlier: int, later: int) -> int:
 
 
 def _is_before(first: int, second: int) -> bool:
-    return 0 < (second - first) % SEQUENCE_MODULUS < SEQUENCE_MODULUS // 2
+    return 0 < (second - first) % SEQUENCE_MODULUS < _HALF

@@ -30,6 +30,11 @@ class Phase(StrEnum):
     BRAKING = "braking"
 
 
+# A member of an enumeration costs a search each time it is named by its class, and these are named in every cycle.
+_OVERLAY: Final = Phase.OVERLAY
+_APPLICATION: Final = Phase.APPLICATION
+_BRAKING: Final = Phase.BRAKING
+
 PHASES: Final[Mapping[Phase, frozenset[Phase]]] = {
     Phase.HOLDING: frozenset({Phase.OVERLAY, Phase.APPLICATION}),
     Phase.OVERLAY: frozenset({Phase.BRAKING}),
@@ -70,7 +75,8 @@ class MotionExecutive:
         """What a torque overlay adds to joint impedance, Nm; zero without one."""
         self.overlay_wrench: Six = NO_WRENCH
         """What a wrench overlay adds to Cartesian impedance, N and Nm; zero without one."""
-        self._measured = SetPoint(position_rad, STILL)
+        self._measured = position_rad, STILL
+        """Where the arm was measured last, and how fast."""
 
     @property
     def tracking_performance(self) -> float:
@@ -203,16 +209,18 @@ class MotionExecutive:
         A fault is one of the application's motion; the caller ends it with :meth:`brake` and asks again.
         """
         applications = self.applications
-        self._measured = SetPoint(measured_rad, measured_rad_s)
-        if self.phase is Phase.APPLICATION and not applications:
+        self._measured = measured_rad, measured_rad_s
+        if self.phase is _OVERLAY:
+            return self._motion.interpolate()
+        if self.phase is _APPLICATION and not applications:
             # The last motion left while none had the arm: between the end of one and the beginning of the next.
             self._rest()
-        if not applications or self.phase is Phase.BRAKING:
+        if not applications or self.phase is _BRAKING:
             return self._motion.interpolate()
-        if self.phase is not Phase.APPLICATION:
-            if self.phase is Phase.OVERLAY or self.paused:
+        if self.phase is not _APPLICATION:
+            if self.paused:
                 return self._motion.interpolate()
-            self._enter(Phase.APPLICATION)
+            self._enter(_APPLICATION)
             self._tempo.begins(self.set_point)
 
         def next_of_motion() -> SetPoint | Fault:
@@ -231,10 +239,11 @@ class MotionExecutive:
     def commit(self, set_point: SetPoint, *, now_ns: int) -> bool:
         """Take ``set_point`` as the present one; return True when braking ended with it."""
         self.set_point = set_point
-        if self.phase is Phase.BRAKING and self._motion.at_rest:
+        phase = self.phase
+        if phase is _BRAKING and self._motion.at_rest:
             self._hold()
             return True
-        if self.phase is Phase.APPLICATION and (active := self.applications.active) and active.motion.ended:
+        if phase is _APPLICATION and (active := self.applications.active) and active.motion.ended:
             if not self._tempo.settled:
                 return False
             self.applications.finish(now_ns=now_ns)
@@ -259,13 +268,11 @@ class MotionExecutive:
     def _begin_anew(self) -> None:
         """Put the set point where the arm is, moving as it moves."""
         limits = self._limits
+        position_rad, velocity_rad_s = self._measured
         velocity = seven(
-            [
-                min(max(value, -most), most)
-                for value, most in zip(self._measured.velocity_rad_s, limits.velocity_rad_s, strict=True)
-            ]
+            [min(max(value, -most), most) for value, most in zip(velocity_rad_s, limits.velocity_rad_s, strict=True)]
         )
-        self.set_point = SetPoint(within_range(self._measured.position_rad, limits), velocity)
+        self.set_point = SetPoint(within_range(position_rad, limits), velocity)
         self._tempo.begins_anew(self.set_point)
 
     def _rest(self) -> None:

@@ -1,6 +1,6 @@
 """Joint position overlay on a position hold: the client's positions, spread over the time between two of them."""
 
-from operator import add
+from operator import add, gt, sub
 
 from hil.core.motion.set_point import STILL, SetPoint
 from hil.values.robot import JointLimits, Seven
@@ -16,7 +16,7 @@ class JointOverlay:
 
     def __init__(self, start: SetPoint, *, limits: JointLimits, cycle_s: float, cycles_per_target: int) -> None:
         self._position = start.position_rad
-        self._cycle_s = cycle_s
+        self._rate = 1.0 / cycle_s
         self._step_limit = [limit * cycle_s for limit in limits.velocity_rad_s]
         self._cycles_per_target = cycles_per_target
         self._target = start.position_rad
@@ -47,17 +47,19 @@ class JointOverlay:
             step = [part * slowed for part in step]
             self._cycles_left = max(1, self._cycles_left - 1)
             self._position = tuple(map(add, self._position, step))
-        rate = 1.0 / self._cycle_s
+        rate = self._rate
         return SetPoint(self._position, tuple([part * rate for part in step]))  # type: ignore[arg-type]
 
     def _step(self) -> tuple[list[float], float]:
         """Return the step that keeps the schedule, and the factor, at most 1, that keeps every axis at its velocity."""
-        scale = 1.0 / self._cycles_left
+        step = list(map(sub, self._target, self._position))
+        if self._cycles_left != 1:
+            scale = 1.0 / self._cycles_left
+            step = [part * scale for part in step]
+        if not any(map(gt, map(abs, step), self._step_limit)):
+            return step, 1.0
         worst = 1.0
-        step = []
-        for goal, here, allowed in zip(self._target, self._position, self._step_limit, strict=True):
-            part = (goal - here) * scale
-            step.append(part)
+        for part, allowed in zip(step, self._step_limit, strict=True):
             if abs(part) > allowed * worst:
                 worst = abs(part) / allowed
         return step, 1.0 / worst

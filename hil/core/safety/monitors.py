@@ -10,7 +10,7 @@ from operator import mul, sub
 from typing import Final, NamedTuple
 
 from hil.core.model import ArmModel
-from hil.core.motion.set_point import SetPoint
+from hil.core.motion.set_point import STILL, SetPoint
 from hil.core.safety.flange_speed import FlangeSpeedMonitor
 from hil.core.safety.margins import MonitorName, report
 from hil.core.safety.set_point_monitors import (
@@ -43,6 +43,10 @@ CATEGORIES: Final = {
 """Reaction of each monitor. A wrong set point never reached the arm, so the drives may hold it; an arm that does not do
 what it is told is braked and dropped; one nobody knows anything of is dropped at once. Ours: no public figure."""
 
+# A member of an enumeration costs a search each time it is named by its class, and these are named in every cycle.
+_FRESH: Final = MonitorName.FRESH
+_TRACKING: Final = MonitorName.TRACKING
+_AXIS_TORQUE: Final = MonitorName.AXIS_TORQUE
 _WITHOUT_MARGIN: Final = frozenset({MonitorName.FINITE, MonitorName.STATE})
 PERMISSIVE: Final = frozenset(MonitorName) - _WITHOUT_MARGIN
 """What ``--permissive`` switches to reporting: all but those without which there is nothing to compute with."""
@@ -80,11 +84,12 @@ class Monitors:
         self._model = model
         self._reported = reported
         self._only_report = only_report
-        self._set_point: dict[MonitorName, SetPointMonitor] = {
+        monitors: dict[MonitorName, SetPointMonitor] = {
             MonitorName.AXIS_RANGE: AxisRangeMonitor(limits),
             MonitorName.AXIS_VELOCITY: AxisVelocityMonitor(limits),
             MonitorName.STEP_SIZE: StepSizeMonitor(limits, cycle_ms=cycle_ms),
         }
+        self._checks = [(name, monitor.check) for name, monitor in monitors.items()]
         self._commanded_t1 = FlangeSpeedMonitor(model, limit_mm_s=safety.t1_flange_speed_mm_s)
         self._fresh = FreshStateMonitor(cycle_ms=cycle_ms)
         self._tracking = TrackingMonitor(limit_rad=safety.tracking_rad)
@@ -94,7 +99,7 @@ class Monitors:
         self._legal: SetPoint | None = None
         self.t1 = False
         self.margins = {
-            **{name: monitor.margin for name, monitor in self._set_point.items()},
+            **{name: monitor.margin for name, monitor in monitors.items()},
             MonitorName.COMMANDED_T1: self._commanded_t1.margin,
             MonitorName.FRESH: self._fresh.margin,
             MonitorName.TRACKING: self._tracking.margin,
@@ -108,10 +113,12 @@ class Monitors:
         if set_point is self._legal is before:
             return None
         position, velocity, acceleration = set_point
-        if not math.isfinite(sum(position) + sum(velocity) + sum(acceleration)):
+        # Most set points say that they do not accelerate, with this very tuple.
+        total = sum(position) + sum(velocity) + (0.0 if acceleration is STILL else sum(acceleration))
+        if not math.isfinite(total):
             return Trip(MonitorName.FINITE, Fault(ErrorReason.INVALID_INPUT_VALUES, "a set point is not finite"))
-        for name, monitor in self._set_point.items():
-            fault = monitor.check(set_point, before, now_ns)
+        for name, check in self._checks:
+            fault = check(set_point, before, now_ns)
             if fault is not None and (trip := self._tripped(name, fault, now_ns)) is not None:
                 return trip
         if self.t1 and (words := self._too_fast_in_t1(set_point, before, now_ns)):
@@ -129,12 +136,12 @@ class Monitors:
         position, velocity, torque = state.position_rad, state.velocity_rad_s, state.commanded_torque_nm
         if not math.isfinite(sum(position) + sum(velocity) + sum(torque)):
             return Trip(MonitorName.STATE, Fault(NOT_FINITE))
-        name, fault = MonitorName.FRESH, self._fresh.check(state, now_ns)
+        name, fault = _FRESH, self._fresh.check(state, now_ns)
         if fault is None and drives_hold:
             if told is not None:
-                name, fault = MonitorName.TRACKING, self._tracking.check(state, told, now_ns)
+                name, fault = _TRACKING, self._tracking.check(state, told, now_ns)
             if fault is None:
-                name, fault = MonitorName.AXIS_TORQUE, self._torque.check(state, now_ns)
+                name, fault = _AXIS_TORQUE, self._torque.check(state, now_ns)
         if fault is not None and (trip := self._tripped(name, fault, now_ns)) is not None:
             return trip
         if words := self._too_fast(position, velocity, now_ns):

@@ -73,17 +73,18 @@ class AxisTorqueMonitor:
 
     def check(self, state: ArmState, now_ns: int) -> Fault | None:
         """Return which axis is overloaded for too long, or None."""
-        shares = [*map(mul, state.commanded_torque_nm, self._per_torque)]
-        used = max(map(abs, shares))
+        torque = state.commanded_torque_nm
+        used = max(map(abs, map(mul, torque, self._per_torque)))
         # A peak that is allowed to be is no use of the limit.
         if used <= 1.0 + TOLERANCE:
             if used > self.margin.used:
-                self.margin.note(shares, now_ns)
+                self.margin.note([*map(mul, torque, self._per_torque)], now_ns)
             self._overloaded_ms = 0
             return None
         self._overloaded_ms += self._cycle_ms
         if self._overloaded_ms < TORQUE_TIME_MS:
             return None
+        shares = [*map(mul, torque, self._per_torque)]
         self.margin.note(shares, now_ns)
         axis = worst(shares)
         return Fault(

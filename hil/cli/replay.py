@@ -1,0 +1,187 @@
+"""``hil replay``: a capture through the controller again, on the virtual clock."""
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from hil.clock import Pause
+from hil.replay.replay import ProgressTold, Wish, replay_file
+from hil.replay.result import ReplayResult
+from hil.values.errors import UsageError
+from hil.values.fri import Release
+
+_MAX = "max"
+_DIFFERENT = 1
+_UNREADABLE = 2
+_FIELDS_SHOWN = 25
+
+
+def replay(  # noqa: PLR0917  # typer makes the options of the parameters; nobody calls this with positions
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Capture: pcapng or pcap, of hil run or from elsewhere.")
+    ],
+    speed: Annotated[
+        str, typer.Option(metavar="N|max", help="Times real time, or as fast as the machine can (the default).")
+    ] = _MAX,
+    json_file: Annotated[
+        str | None, typer.Option("--json", metavar="FILE|-", help="Write what was found; -: to the output, alone.")
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.png", help="Draw recorded and emulated positions."),
+    ] = None,
+    update: Annotated[
+        bool, typer.Option("--update", help="Make what the emulator says now the recording; of hil run only.")
+    ] = False,
+    servo_key: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Key of the servo link, where it is not where it was.")
+    ] = None,
+    beside: Annotated[
+        bool, typer.Option("--beside", help="Compare a recording of ours as if it came from elsewhere.")
+    ] = False,
+    fri_version: Annotated[
+        Release | None, typer.Option(help="Elsewhere: release of the client's FRI library, where it cannot be told.")
+    ] = None,
+    robot: Annotated[str | None, typer.Option(help="Elsewhere: robot model; lbr-iiwa-14-r820 is the default.")] = None,
+    backend: Annotated[str | None, typer.Option(help="Elsewhere: robot side; mujoco is the default.")] = None,
+) -> None:
+    """Replay a capture: every byte the controller sent is compared. Exit code 0: the same; 1: not; 2: not readable.
+
+    A capture from elsewhere (tcpdump beside a real robot) is compared field by field with an emulator beside it; that
+    they part is no error, so its exit code is 0.
+    """
+    elsewhere = beside or fri_version is not None or robot is not None or backend is not None
+    pace = _pace(speed)
+    alone = json_file == "-"
+    drawing = None
+    if plot is not None:
+        from hil.replay.drawing import Drawing
+
+        drawing = Drawing(plot)
+    with _bar(file, shown=not alone and sys.stderr.isatty()) as progress:
+        result = replay_file(
+            file,
+            wish=Wish(fri_version, robot, backend) if elsewhere else None,
+            key_file=servo_key,
+            progress=progress,
+            pace=pace,
+            update=update,
+            watch=drawing,
+        )
+    if json_file is not None:
+        text = json.dumps(result.as_dict(), indent=2) + "\n"
+        if alone:
+            sys.stdout.write(text)
+        else:
+            Path(json_file).write_text(text, encoding="utf-8")
+    if drawing is not None:
+        drawing.save(result)
+    if not alone:
+        _show(result, drawn=plot)
+    if result.damage:
+        raise typer.Exit(_UNREADABLE)
+    if result.own and not result.equal and not result.updated:
+        raise typer.Exit(_DIFFERENT)
+
+
+def _pace(speed: str) -> Callable[[int], None] | None:
+    if speed == _MAX:
+        return None
+    try:
+        factor = float(speed)
+    except ValueError:
+        factor = 0.0
+    if not 0.001 <= factor <= 1000.0:
+        raise UsageError(f"--speed {speed}: valid is max, or a number of 0.001 to 1000 times real time")
+    return Pause(factor).until
+
+
+@contextmanager
+def _bar(file: Path, *, shown: bool) -> Iterator[ProgressTold | None]:
+    if not shown:
+        yield None
+        return
+    columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[told]}"), TimeRemainingColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(f"replay {file.name}", total=None, told="")
+
+        def tell(read_bytes: int, whole_bytes: int, told: str) -> None:
+            progress.update(task, completed=read_bytes, total=whole_bytes, told=told)
+
+        yield tell
+
+
+def _show(result: ReplayResult, *, drawn: Path | None) -> None:
+    console = Console(highlight=False)
+    colour = "green" if result.equal else "yellow" if not result.own else "red"
+    console.print(f"[{colour}]{_plain(result.verdict)}[/{colour}]")
+    for line in _remarks(result):
+        console.print(_plain(line))
+    if result.fields:
+        console.print(_field_table(result))
+        if len(result.fields) > _FIELDS_SHOWN:
+            console.print(f"{len(result.fields) - _FIELDS_SHOWN} more fields differ; --json has them all")
+    if result.states:
+        console.print(_state_table(result))
+    if drawn is not None:
+        console.print(f"picture: {drawn}")
+    if result.damage:
+        console.print(f"[red]{_plain(result.damage)}[/red]; what is before that was replayed")
+
+
+def _remarks(result: ReplayResult) -> Iterator[str]:
+    factor = result.real_time_factor
+    if factor is not None:
+        yield (
+            f"replayed {result.recorded_s:.3f} s in {result.took_s:.2f} s, {factor:.1f} x real time; "
+            f"{result.inputs} datagrams to the controller, {result.cycles} cycles"
+        )
+    if result.updated:
+        yield "the recording holds now what the emulator says"
+    for text in result.altered:
+        yield f"changed after it was recorded: {text}"
+    if result.own and not result.complete and not result.damage:
+        yield "the recording was not ended in order: its process was killed, or the disk was full"
+    for text in result.notes:
+        yield f"note: {text}"
+    if result.strangers:
+        yield f"note: {result.strangers} datagrams are not between a controller and its FRI client"
+
+
+def _field_table(result: ReplayResult) -> Table:
+    table = Table("field", "messages", "first at", "recorded", "emulator", "largest difference")
+    for name, tally in list(result.fields.items())[:_FIELDS_SHOWN]:
+        first = tally.first_difference
+        largest = f"{tally.largest:.4g} {first.unit}".strip() if tally.largest else ""
+        table.add_row(
+            name,
+            str(tally.count),
+            f"{tally.first.t_s:.3f} s",
+            _number(first.recorded),
+            _number(first.emulated),
+            largest,
+        )
+    return table
+
+
+def _state_table(result: ReplayResult) -> Table:
+    table = Table("robot", "t", "recording", "emulator", title="session states")
+    for robot, whose, t_s, state in result.states:
+        table.add_row(robot, f"{t_s:.3f} s", *((state, "") if whose == "recording" else ("", state)))
+    return table
+
+
+def _number(value: object) -> str:
+    return f"{value:.9g}" if isinstance(value, float) else _plain(str(value))
+
+
+def _plain(text: str) -> str:
+    return text.replace("[", r"\[")

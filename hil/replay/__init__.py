@@ -1,0 +1,1 @@
+"""Captures of a run, played again: through a fresh controller, or as one side of a live conversation."""

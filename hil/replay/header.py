@@ -1,0 +1,109 @@
+"""What a capture of ours says of its run in the comment of its section: all that a fresh controller needs."""
+
+import platform
+from importlib import metadata
+from pathlib import Path
+from typing import Annotated, Final, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from hil.arithmetic import arithmetic_fingerprint
+from hil.config.station import RobotConfig, Station
+from hil.core.controller import FRI_LINK
+from hil.core.servo.link import SERVO_LINK
+from hil.values.link import Address
+from hil.version import VERSION
+
+SOFTWARE: Final = f"fri-hil {VERSION}"
+_LIBRARIES: Final = ("mujoco", "numpy", "pin", "ruckig")
+_FORMAT: Final = 1
+ARITHMETIC: Final = "arithmetic"
+"""Key of the fingerprint in ``machine``."""
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class RobotStart(_Model):
+    """One robot of the run, in the order of the station."""
+
+    name: str
+    unix_epoch_ns: Annotated[int, Field(description="Unix time of core time 0")]
+    fri_peer: Annotated[tuple[str, int] | None, Field(description="where the FRI client is")] = None
+    bound: Annotated[dict[str, tuple[str, int]], Field(description="by link: where it is served from")] = {}
+    token_secret: Annotated[str, Field(description="what session tokens are made with, hexadecimal")] = ""
+    cycles_before: Annotated[int, Field(description="control cycles that had run when the recording began")] = 0
+
+    def address(self, link: str) -> Address | None:
+        """Return where a link is served from."""
+        return Address(*self.bound[link]) if link in self.bound else None
+
+    @property
+    def fri_client(self) -> Address | None:
+        """Where the FRI client is."""
+        return None if self.fri_peer is None else Address(*self.fri_peer)
+
+
+class CaptureHeader(_Model):
+    """The comment, as JSON. Captures before format 1 have a station and no robots."""
+
+    software: str
+    format: int = 0
+    station: Station
+    robots: tuple[RobotStart, ...] = ()
+    machine: dict[str, str] = {}
+
+    @property
+    def complete(self) -> bool:
+        """Whether the recording began with the run."""
+        return bool(self.robots) and not any(robot.cycles_before for robot in self.robots)
+
+    @classmethod
+    def of_run(cls, station: Station, robots: tuple[RobotStart, ...]) -> Self:
+        """Return the header of a run that records now."""
+        libraries = {name: metadata.version(name) for name in _LIBRARIES}
+        machine = {
+            "python": platform.python_version(),
+            "system": platform.platform(),
+            **libraries,
+            ARITHMETIC: arithmetic_fingerprint(),
+        }
+        return cls(
+            software=SOFTWARE,
+            format=_FORMAT,
+            station=station.model_copy(update={"capture": None}),
+            robots=robots,
+            machine=machine,
+        )
+
+    def with_key(self, key_file: Path) -> Self:
+        """Return it with another file for the key of every servo link that has one."""
+        robots = [
+            robot
+            if robot.servo is None or robot.servo.key_file is None
+            else robot.model_copy(update={"servo": robot.servo.model_copy(update={"key_file": key_file})})
+            for robot in self.station.robot
+        ]
+        return self.model_copy(update={"station": self.station.model_copy(update={"robot": robots})})
+
+    def to_comment(self) -> str:
+        """Return the text for the section's comment; what is as it is by itself is left out."""
+        return self.model_dump_json(exclude_unset=False)
+
+    def config(self, robot: int) -> RobotConfig:
+        """Return the configuration of a robot."""
+        return self.station.robot[robot]
+
+
+def read_header(comment: str | None) -> CaptureHeader | None:
+    """Return what a comment says; None where it is none of ours."""
+    if not comment or not comment.lstrip().startswith("{"):
+        return None
+    try:
+        return CaptureHeader.model_validate_json(comment)
+    except ValidationError:
+        return None
+
+
+__all__ = ["FRI_LINK", "SERVO_LINK", "SOFTWARE", "CaptureHeader", "RobotStart", "read_header"]
