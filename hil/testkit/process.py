@@ -3,15 +3,10 @@
 import itertools
 import json
 import os
-import queue
 import re
 import signal
 import socket
-import subprocess
-import sys
 import tempfile
-import threading
-from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,18 +14,16 @@ from typing import Any, Final
 
 from hil.client.pad import PadClient
 from hil.config.station import Station
-from hil.testkit.errors import ProcessFailed
+from hil.testkit._child import Child
 from hil.testkit.operator import Operator
 from hil.values.arm import Push
-from hil.values.errors import EndpointError, UsageError
+from hil.values.errors import EndpointError, UnknownName, UsageError
 from hil.values.operator import OperatorAction, PadKey, Press, SelectMode, SetInput
+from transport.impairment import Fault, parse_fault
 from transport.udp import parse_address
 
-START_S: Final = 60.0
-"""A controller that has not started after so long will not."""
-STOP_S: Final = 20.0
-MOST_LINES: Final = 2_000
 _READY: Final = "pad: hil pad finds this controller at"
+_LINKS: Final = ("fri", "servo")
 _numbers: Final = itertools.count()
 
 
@@ -39,50 +32,42 @@ class HilProcess:
 
     def __init__(self, station: Station, folder: Path) -> None:
         host = free_host()
-        robot = station.robot[0]
-        self._lines: deque[str] = deque(maxlen=MOST_LINES)
-        self._news: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        [robot] = station.robot
+        self._folder = folder
         self._status_file = folder / "status.json"
         self._status: dict[str, Any] | None = None
-        self._servo_address: str | None = None
-        self._fri_client_address: str | None = None
+        self._impairments: list[tuple[Child, Path]] = []
+        self._figures: list[dict[str, Any]] | None = None
+        self._addresses: dict[str, str] = {}
+        """Where the other side of a link has to be, or to go."""
         content = station.model_dump(mode="json", exclude_unset=True)
         [told] = content["robot"]
         if robot.fri is not None:
-            self._fri_client_address = f"{host}:{free_port(host)}"
-            told["fri"] = {**told["fri"], "client": self._fri_client_address, "bind": f"{host}:0"}
+            self._addresses["fri"] = f"{host}:{free_port(host)}"
+            told["fri"] = {**told["fri"], "client": self._addresses["fri"], "bind": f"{host}:0"}
         if robot.servo is not None:
             told["servo"] = {**told["servo"], "bind": f"{host}:0"}
         self.pad_socket = folder / "pad.sock"
         content["pad"] = str(self.pad_socket)
         file = folder / "station.toml"
         file.write_text("".join(f"{key} = {toml(value)}\n" for key, value in content.items()), encoding="utf-8")
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "hil.cli.main", "run", str(file), "--status-json", str(self._status_file)],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-        )
-        self._reader = threading.Thread(target=self._read, name="output of hil run", daemon=True)
-        self._reader.start()
+        self._child = Child("run", file, "--status-json", self._status_file)
+        self._pad = PadClient(self.pad_socket)
         try:
-            self._wait_until_ready()
-            self._pad = PadClient(self.pad_socket)
+            lines = self._child.wait_for(_READY)
             self._pad.connect()
         except BaseException:
-            self._end(signal.SIGKILL)
+            self._child.end(signal.SIGKILL)
             raise
+        if found := re.search(r"applications at (\S+),", "".join(lines)):
+            self._addresses["servo"] = found[1]
         self.operator: Operator = _PadOperator(self._pad)
         """The operator's pad."""
 
     @property
     def fri_client_address(self) -> str:
         """``HOST:PORT`` where the FRI client has to bind: nobody else is there."""
-        if self._fri_client_address is None:
-            raise UsageError("this controller has no FRI link; it was configured with fri=None")
-        return self._fri_client_address
+        return self._address("fri")
 
     @property
     def fri_client_host(self) -> str:
@@ -97,74 +82,76 @@ class HilProcess:
     @property
     def servo_address(self) -> str:
         """``HOST:PORT`` where servo applications connect to."""
-        if self._servo_address is None:
-            raise UsageError("this controller has no servo link; it was configured with servo=None")
-        return self._servo_address
+        return self._address("servo")
 
     @property
     def output(self) -> str:
-        """What it printed so far, the last two thousand lines."""
-        return "\n".join(self._lines)
+        """What it printed so far, the last two thousand lines; then what its bad networks printed."""
+        return "\n".join(child.output for child in (self._child, *(child for child, _ in self._impairments)))
 
     def pad(self) -> Mapping[str, Any]:
         """Return what the operator's pad shows of the robot; see :class:`hil.client.pad.RobotState`."""
         [state] = self._pad.status().values()
         return state
 
+    def impair(self, link: str, *faults: Fault | str, seed: int = 0) -> None:
+        """Put a bad network, ``hil impair``, between ``link`` (``fri`` or ``servo``) and its other side.
+
+        From now on the address of that link is another one. A fault that never fires fails :meth:`stop`.
+        """
+        if link not in _LINKS:
+            raise UnknownName("link", link, _LINKS)
+        told = [str(parse_fault(fault) if isinstance(fault, str) else fault) for fault in faults]
+        host, before = free_host(), self._address(link)
+        listen, to = (before, f"{host}:{free_port(host)}") if link == "fri" else (f"{host}:0", before)
+        figures = self._folder / f"impair-{len(self._impairments)}.json"
+        child = Child(
+            "impair", "--link", link, "--listen", listen, "--to", to, "--seed", seed, "--json", figures,
+            "--progress", 0, "--require-fired", *(word for text in told for word in ("--fault", text)),
+        )  # fmt: skip
+        self._impairments.append((child, figures))
+        stands = child.wait_for(" stands for ")[-1].partition(" ")[0]
+        self._addresses[link] = to if link == "fri" else stands
+
+    def impairments(self) -> list[dict[str, Any]]:
+        """Return the figures of the bad networks, in the order they were made, once :meth:`stop` was called."""
+        if self._figures is None:
+            raise UsageError("hil impair writes its figures at its end: call stop() before impairments()")
+        return list(self._figures)
+
     def stop(self) -> dict[str, Any]:
-        """End it in order, if it runs, and return :meth:`status`; raise :class:`ProcessFailed` if it did not obey."""
-        if self._process.poll() is None:
-            self._pad.close()
-            self._end(signal.SIGINT)
-        if self._process.returncode != 0:
-            raise ProcessFailed(f"hil run ended with exit code {self._process.returncode}; it said:\n{self.output}")
+        """End it in order, if it runs, and return :meth:`status`.
+
+        Raises :class:`ProcessFailed` if it did not end as it should, or a bad network had a fault that never fired.
+        """
+        if self._figures is not None:
+            return self.status()
+        self._pad.close()
+        self._child.end_in_order()
+        for child, _ in self._impairments:
+            child.end_in_order()
+        self._figures = [json.loads(figures.read_text(encoding="utf-8")) for _, figures in self._impairments]
         return self.status()
 
     def status(self) -> dict[str, Any]:
         """Return the robot's part of the status file, which is there once it has ended; raise :class:`UsageError`."""
         if self._status is None:
-            if self._process.poll() is None:
+            if self._child.running:
                 raise UsageError("the status file is written at the end of hil run: call stop() before status()")
             [self._status] = json.loads(self._status_file.read_text(encoding="utf-8"))["robots"].values()
         return dict(self._status)
 
     def close(self) -> None:
-        """End it, if it runs, and release everything; never raises for what the process did."""
+        """End everything that runs, and release it; never raises for what a process did."""
         self._pad.close()
-        if self._process.poll() is None:
-            self._end(signal.SIGINT)
+        for child in (self._child, *(child for child, _ in self._impairments)):
+            child.end()
 
-    def _end(self, number: signal.Signals) -> None:
-        """Send this one process a signal, and wait; one that does not obey is killed."""
-        self._process.send_signal(number)
-        try:
-            self._process.wait(STOP_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        self._reader.join()
-        if self._process.stdout is not None:
-            self._process.stdout.close()
-
-    def _read(self) -> None:
-        for line in self._process.stdout or ():
-            self._lines.append(line.rstrip("\n"))
-            self._news.put(line)
-        self._news.put(None)
-
-    def _wait_until_ready(self) -> None:
-        while True:
-            try:
-                line = self._news.get(timeout=START_S)
-            except queue.Empty:
-                raise ProcessFailed(f"hil run was not ready within {START_S:g} s; it said:\n{self.output}") from None
-            if line is None:
-                code = self._process.wait()
-                raise ProcessFailed(f"hil run ended at once, exit code {code}; it said:\n{self.output}")
-            if found := re.search(r"applications at (\S+),", line):
-                self._servo_address = found[1]
-            if _READY in line:
-                return
+    def _address(self, link: str) -> str:
+        if link not in self._addresses:
+            name = "FRI" if link == "fri" else link
+            raise UsageError(f"this controller has no {name} link; it was configured with {link}=None")
+        return self._addresses[link]
 
 
 @contextmanager

@@ -91,3 +91,37 @@ def test_the_output_of_the_process_is_shown_when_the_test_fails(pytester: pytest
     result = pytester.runpytest_inprocess(*PLUGIN, "-p", "no:asyncio", "-W", "error")
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(["*hil run teardown*", "*applications at 127.*", "*the emergency stop was pressed*"])
+
+
+def test_a_bad_network_stands_between_the_links_and_is_counted() -> None:
+    keys = {"fri": {"release": "2.5", "send_period_ms": 5}}
+    with controller_process(configuration([((), keys)], folders=[]).station) as process:
+        before = process.servo_address, process.fri_client_address
+        process.impair("servo", "loss=20%", seed=1)
+        process.impair("fri", "packet=drop@3:to-peer")
+        assert process.servo_address != before[0]
+        assert process.fri_client_address != before[1]
+        with FriClient(
+            FriHandler(), release=Release.V2_5, bind_host=process.fri_client_host, port=process.fri_client_port
+        ) as client:
+            client.run(duration_s=0.2)
+        with ServoClient(process.servo_address) as robot:
+            goal = list(robot.read_state().measured_position)
+            goal[3] += 0.02
+            robot.move(PTP(goal))
+        with pytest.raises(UsageError, match="call stop"):
+            process.impairments()
+        status = process.stop()
+    servo, fri = process.impairments()
+    assert servo["faults"][0]["fired"] > 3
+    assert [fault["fired"] for fault in fri["faults"]] == [1]
+    assert status["packets"]["accepted"] > 10
+
+
+def test_a_fault_between_processes_that_never_fires_fails_the_end() -> None:
+    with controller_process(configuration([((), {"fri": None})], folders=[]).station) as process:
+        process.impair("servo", "loss=50%")
+        with pytest.raises(ProcessFailed, match="never fired: loss=50%"):
+            process.stop()
+        with pytest.raises(UsageError, match="fri, servo"):
+            process.impair("pad", "loss=50%")
