@@ -52,12 +52,9 @@ class Child:
             try:
                 line = self._news.get(timeout=START_S)
             except queue.Empty:
-                raise ProcessFailed(
-                    f"{self.name} was not ready within {START_S:g} s; it said:\n{self.output}"
-                ) from None
+                raise self._failed(f"was not ready within {START_S:g} s") from None
             if line is None:
-                code = self._process.wait()
-                raise ProcessFailed(f"{self.name} ended at once, exit code {code}; it said:\n{self.output}")
+                raise self._failed(f"ended at once, exit code {self._process.wait()}")
             lines.append(line)
             if text in line:
                 self._news = queue.SimpleQueue()

@@ -1,4 +1,7 @@
-"""From ``@pytest.mark.hil(...)`` to a station: keys of the station file, laid over a file or over our defaults."""
+"""From ``@pytest.mark.hil(...)`` to a station: keys of the station file, laid over a file or over our defaults.
+
+Of the keys of the whole station there is ``capture``; the others are those of the robot.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +15,7 @@ DEFAULT_LIMIT_S: Final = 120.0
 _WHERE: Final = "@pytest.mark.hil"
 _DEFAULTS: Final[Mapping[str, Any]] = {"backend": "ideal", "fri": {}, "servo": {}}
 """Without a station file: both links, and the arm that costs least."""
-_OURS: Final = frozenset({"station", "robot_name", "limit_s", "robot"})
+_OURS: Final = frozenset({"station", "robot_name", "limit_s", "robot", "capture"})
 _SECTIONS: Final = frozenset({"fri", "servo", "limits", "reaction", "base", "load"})
 """Keys whose value is a section: what a closer mark says of it is laid over what a farther one says."""
 
@@ -53,7 +56,8 @@ def configuration(marks: Sequence[tuple[tuple[Any, ...], Mapping[str, Any]]], *,
         robot = _robot_of(ours["station"], ours.get("robot_name"), folders)
     for key, value in keys.items():
         robot[key] = _laid_over(robot.get(key), key, value)
-    station = parse_station({"robot": [robot], "pad": "off"}, where=_WHERE)
+    content = {"robot": [robot], "pad": "off", **{key: str(ours[key]) for key in ("capture",) if key in ours}}
+    station = parse_station(content, where=_WHERE)
     return Chosen(station, float(ours.get("limit_s", DEFAULT_LIMIT_S)))
 
 

@@ -48,6 +48,13 @@ def test_a_process_serves_both_links_and_obeys_the_operator() -> None:
     assert "emergency stop" in process.output
 
 
+def test_a_process_records_a_capture(tmp_path: Path) -> None:
+    file = tmp_path / "run.pcapng"
+    with controller_process(configuration([((), {"servo": None, "capture": file})], folders=[]).station) as process:
+        process.stop()
+    assert file.stat().st_size > 1000
+
+
 def test_a_process_that_cannot_start_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
     # A loopback address is free for a test; one of another machine is not.
     monkeypatch.setattr("hil.testkit.process.free_host", lambda: "192.0.2.1")
