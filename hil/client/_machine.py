@@ -27,6 +27,9 @@ class DatagramSocket(Protocol):
     def recvfrom(self, most_bytes: int, /) -> tuple[bytes, Any]:
         """Return the next datagram and its sender; raise TimeoutError."""
 
+    def send(self, datagram: bytes, /) -> int:
+        """Send a datagram to where it is connected to."""
+
     def sendto(self, datagram: bytes, address: Any, /) -> int:
         """Send a datagram."""
 

@@ -17,6 +17,7 @@ Fixtures: ``hil_controller`` and ``hil_network`` (virtual time), ``hil_process``
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from hil.testkit._network import VirtualNetwork
     from hil.testkit.controller import AttachedFri, VirtualController
     from hil.testkit.errors import NeverHappened, ProcessFailed, VirtualTimeOver
     from hil.testkit.operator import Operator
@@ -61,6 +62,7 @@ __all__ = [
     "Rate",
     "Reorder",
     "VirtualController",
+    "VirtualNetwork",
     "VirtualTimeOver",
 ]
 
@@ -71,6 +73,7 @@ _HOMES = {
     "Operator": "hil.testkit.operator",
     "ProcessFailed": "hil.testkit.errors",
     "VirtualController": "hil.testkit.controller",
+    "VirtualNetwork": "hil.testkit._network",
     "VirtualTimeOver": "hil.testkit.errors",
 }
 """The others are the network's."""

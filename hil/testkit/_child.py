@@ -23,6 +23,8 @@ class Child:
         self.name = f"hil {arguments[0]}"
         self._lines: deque[str] = deque(maxlen=MOST_LINES)
         self._news: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._awaited = True
+        """Whether somebody waits for its lines, or will."""
         self._process = subprocess.Popen(
             [sys.executable, "-m", "hil.cli.main", *map(str, arguments)],
             stdin=subprocess.DEVNULL,
@@ -46,7 +48,7 @@ class Child:
         return self._process.poll() is None
 
     def wait_for(self, text: str) -> list[str]:
-        """Return its lines up to the first with ``text``; raise :class:`ProcessFailed` when none comes."""
+        """Return its lines up to the first with ``text``; raise :class:`ProcessFailed` when none comes. Once only."""
         lines: list[str] = []
         while True:
             try:
@@ -57,7 +59,7 @@ class Child:
                 raise self._failed(f"ended at once, exit code {self._process.wait()}")
             lines.append(line)
             if text in line:
-                self._news = queue.SimpleQueue()
+                self._awaited = False
                 return lines
 
     def end(self, number: signal.Signals = signal.SIGINT) -> int:
@@ -86,5 +88,6 @@ class Child:
     def _read(self) -> None:
         for line in self._process.stdout or ():
             self._lines.append(line.rstrip("\n"))
-            self._news.put(line)
+            if self._awaited:
+                self._news.put(line)
         self._news.put(None)
