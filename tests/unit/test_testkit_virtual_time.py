@@ -327,7 +327,7 @@ def test_sleeping_and_reading_clocks_is_virtual_for_programs_alone() -> None:
 
         async def real() -> None:
             async with asyncio.timeout(0.001):
-                await asyncio.Event().wait()
+                await asyncio.get_running_loop().create_future()
 
         with pytest.raises(TimeoutError):
             asyncio.run(real())
