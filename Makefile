@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: setup demo test soak lint types layers format bench protobuf robots dissector constraints clean
+.PHONY: setup demo test soak lint types layers format bench protobuf robots goldens dissector constraints clean
 
 setup: $(VENV)/.installed
 
@@ -58,6 +58,9 @@ robots: setup
 
 dissector: setup
 	$(BIN)/python -m tools.make_dissector
+
+goldens: setup
+	$(BIN)/python -m tools.make_goldens
 
 constraints: setup
 	{ head -1 constraints.txt; $(BIN)/python -m pip freeze --all --exclude-editable --exclude pip; } > constraints.new

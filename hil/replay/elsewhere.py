@@ -89,10 +89,10 @@ class Beside:
             self._begin_anew(packet, message)
             index = 0
         if index > self._last_index + 1:
-            lost = index - self._last_index - 1
-            self._result.note(
-                f"{self._name}: messages are missing in the recording, the first {lost} at {self._moment(index)}"
-            )
+            if not self._lost_messages:
+                what = f"messages are missing in the recording, first at {self._moment(index)}"
+                self._result.note(f"{self._name}: {what}")
+            self._lost_messages += index - self._last_index - 1
         self._act(message, index)
         self._run_before(index * self._period_ns + 1)
         self._anchor_unix_ns = packet.place.at_unix_ns
@@ -104,12 +104,24 @@ class Beside:
         self._result.inputs += 1
         if self._last_index < 0 or self._failed:
             return
-        message_ns = self._last_index * self._period_ns
+        # An answer to a message that the recording misses is as old as if that message had passed in its time.
+        index = max(self._last_index, self._answered_index(packet.payload))
+        message_unix_ns = self._anchor_unix_ns + (index - self._last_index) * self._period_ns
         # An answer after the next message was due, which the recording has later than that, comes just before it here.
-        age_ns = min(max(packet.place.at_unix_ns - self._anchor_unix_ns, 0), self._period_ns - 1)
-        at_ns = message_ns + age_ns
-        self._run_before(at_ns)
+        age_ns = min(max(packet.place.at_unix_ns - message_unix_ns, 0), self._period_ns - 1)
+        at_ns = index * self._period_ns + age_ns
+        # The message that is answered goes out first.
+        self._run_before(max(at_ns, index * self._period_ns + 1))
         self._controller.receive(packet.payload, Source(FRI_LINK, self._flow.client), now_ns=at_ns)
+
+    def _answered_index(self, payload: bytes) -> int:
+        """Return the place of the message that an answer is to; -1 where that cannot be."""
+        try:
+            reflected = self._codec.decode_command(payload).reflected_sequence_counter
+        except MalformedDatagram:
+            return -1
+        index = (reflected - self._first_counter) % SEQUENCE_MODULUS
+        return index if index <= self._last_index + _MOST_MISSING else -1
 
     def finish(self) -> None:
         """The recording is over."""

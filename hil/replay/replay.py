@@ -66,9 +66,7 @@ def replay_file(
     if wish is None and header is not None and header.complete and first_and_number(file)[1] == 1 and _has_notes(file):
         return replay_own(file, header, progress=progress, pace=pace, update=update, watch=watch)
     if update:
-        raise UsageError(
-            f"{file} was not recorded by fri-hil from its start on: there are no outputs of ours to update"
-        )
+        raise UsageError(f"{file} was not recorded by fri-hil from the start of a run: it has no outputs to update")
     return replay_elsewhere(file, header, wish or Wish(), progress=progress, pace=pace, watch=watch)
 
 

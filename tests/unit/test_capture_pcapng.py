@@ -7,6 +7,7 @@ import shutil
 import struct
 import subprocess
 import tempfile
+import zlib
 from contextlib import suppress
 from io import BytesIO
 from itertools import pairwise
@@ -21,8 +22,8 @@ from hil.values.errors import HilError, UsageError
 from transport.capture.endpoints import MAX_PAYLOAD_BYTES
 from transport.capture.errors import CaptureError
 from transport.capture.frames import LINK_ETHERNET, FrameEncoder, decode_frame
-from transport.capture.reading import CaptureReader, read_capture, read_section_comment
-from transport.capture.records import CapturedDatagram
+from transport.capture.reading import CaptureReader, read_capture, read_records, read_section_comment
+from transport.capture.records import CapturedDatagram, Notes, Packet
 from transport.capture.writing import PcapngWriter
 
 SHARED = Path(__file__).parents[2].parent / "shared" / "captures"
@@ -293,6 +294,97 @@ def test_the_obsolete_packet_block_is_read(tmp_path: Path) -> None:
     frame = frame_of()
     old = block(2, struct.pack("<HHIIII", 0, 0, 0, 3, len(frame), len(frame)) + frame)
     assert [one.at_unix_ns for one in read_capture(file_with(tmp_path, section(), interface(), old))] == [3_000]
+
+
+def classic(*frames: tuple[int, bytes], nanoseconds: bool = False, order: str = "<", link_type: int = 1) -> bytes:
+    """A classic pcap file, put together by hand."""
+    content = struct.pack(f"{order}IHHiIII", 0xA1B23C4D if nanoseconds else 0xA1B2C3D4, 2, 4, 0, 0, 65_535, link_type)
+    for ticks, frame in frames:
+        seconds, rest = divmod(ticks, 10**9 if nanoseconds else 10**6)
+        content += struct.pack(f"{order}IIII", seconds, rest, len(frame), len(frame)) + frame
+    return content
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("nanoseconds", [True, False])
+def test_classic_pcap_is_read_with_its_resolution(tmp_path: Path, order: str, nanoseconds: bool) -> None:
+    ticks = AT if nanoseconds else AT // 1000
+    content = classic((ticks, frame_of(b"a")), (ticks + 1, frame_of(b"b")), nanoseconds=nanoseconds, order=order)
+    path = file_with(tmp_path, content)
+    reader = read_capture(path)
+    step_ns = 1 if nanoseconds else 1000
+    first_ns = ticks * step_ns
+    assert [(one.at_unix_ns, one.payload) for one in reader] == [(first_ns, b"a"), (first_ns + step_ns, b"b")]
+    assert read_section_comment(path) is None
+
+
+def test_classic_pcap_of_loopback_and_cut_packets(tmp_path: Path) -> None:
+    ip = frame_of(b"x")[14:]
+    content = classic((0, b"\x02\0\0\0" + ip), (1, b"\0\0\0\x02" + ip), (2, b"\x1e\0\0\0" + ip), link_type=0)
+    cut = struct.pack("<IIII", 0, 0, 4, 400) + bytes(4)
+    reader = read_capture(file_with(tmp_path, content, cut))
+    assert [one.payload for one in reader] == [b"x", b"x"]
+    assert reader.skipped == 2
+
+
+@pytest.mark.parametrize(
+    ("content", "offset", "reason"),
+    [
+        (classic((0, frame_of()))[:-1], 24, "46 of a packet's 47 bytes"),
+        (classic((0, frame_of()))[:30], 24, "6 bytes of a packet's head"),
+        (classic() + struct.pack("<IIII", 0, 0, 1 << 30, 1 << 30), 24, "its length cannot be 1073741824 bytes"),
+    ],
+)
+def test_damaged_classic_pcap_is_named_by_offset(tmp_path: Path, content: bytes, offset: int, reason: str) -> None:
+    with pytest.raises(CaptureError, match=re.escape(reason)) as raised:
+        list(read_capture(file_with(tmp_path, content)))
+    assert raised.value.offset == offset
+
+
+def test_notes_lie_before_the_datagram_they_were_noted_before(tmp_path: Path) -> None:
+    path = tmp_path / "notes.pcapng"
+    with PcapngWriter(path, comment="c") as writer:
+        writer.note(b"one")
+        writer.note(b"two")
+        writer.write(CapturedDatagram(AT, ROBOT, CLIENT, b"a"))
+        writer.write(CapturedDatagram(AT, ROBOT, CLIENT, b"b"))
+        writer.note(b"rest")
+    found = [one.entries if isinstance(one, Notes) else one.payload for one in read_records(path)]
+    assert found == [b"onetwo", b"a", b"b", b"rest"]
+    assert [one.payload for one in read_capture(path)] == [b"a", b"b"]
+
+
+def test_more_notes_than_an_option_holds_get_blocks_of_their_own(tmp_path: Path) -> None:
+    path = tmp_path / "notes.pcapng"
+    with PcapngWriter(path) as writer:
+        for number in range(5000):
+            writer.note(number.to_bytes(4, "little") * 10)
+        writer.write(CapturedDatagram(AT, ROBOT, CLIENT, b"a"))
+    notes = b"".join(one.entries for one in read_records(path) if isinstance(one, Notes))
+    assert notes == b"".join(number.to_bytes(4, "little") * 10 for number in range(5000))
+
+
+@given(datagrams, st.binary(max_size=30))
+def test_a_packet_of_ours_is_read_alike_by_either_way(datagram: CapturedDatagram, notes: bytes) -> None:
+    """The short way is for replays; a comment before our options makes the reader take the long one."""
+    file = BytesIO()
+    with PcapngWriter(file) as writer:
+        writer.note(notes)
+        writer.write(datagram)
+    content = file.getvalue()
+    head = len(section() + interface(options=option(9, b"\x09") + option(0, b""))) + len(option(4, b"fri-hil")) + 4
+    block_ = content[head:]
+    size = struct.unpack_from("<I", block_, 20)[0]
+    at = 28 + size + -size % 4
+    body = block_[8:at] + option(1, b"a comment") + block_[at:-4]
+    with tempfile.TemporaryDirectory() as folder:
+        short, long = Path(folder) / "short", Path(folder) / "long"
+        short.write_bytes(content)
+        long.write_bytes(content[:head] + block(6, body))
+        assert list(read_records(short)) == list(read_records(long))
+        packets = [one for one in read_records(short) if isinstance(one, Packet)]
+    assert [one.datagram for one in packets] == [datagram]
+    assert packets[0].place.recorded_crc32 == zlib.crc32(packets[0].frame)
 
 
 @pytest.mark.parametrize(

@@ -70,10 +70,9 @@ class VirtualRun:
             self.journal.closed(at_ns=at_ns)
             self.controller.close(now_ns=at_ns)
             for _ in range(_MOST_CLOSING_CYCLES):
+                self.cycle()
                 if self.controller.closed:
                     break
-                self.cycle()
-            self._send(at_ns)
             self.recorder.__exit__(None, None, None)
         finally:
             self._parts.backend.close()

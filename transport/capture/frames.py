@@ -99,11 +99,13 @@ class FrameDecoder:
         if ends is None:
             if len(self._routes) >= _MAX_ROUTES:
                 self._routes.clear()
-            ends = self._routes[route] = (
-                unpack_endpoint(route[0:4] + route[8:10]),
-                unpack_endpoint(route[4:8] + route[10:12]),
-            )
+            ends = self._routes[route] = endpoints_of(route)
         return Located(*ends, udp + _UDP_HEAD_BYTES, udp + length)
+
+
+def endpoints_of(route: bytes) -> tuple[Endpoint, Endpoint]:
+    """Return source and destination of two addresses and two ports, in the order of their headers."""
+    return unpack_endpoint(route[0:4] + route[8:10]), unpack_endpoint(route[4:8] + route[10:12])
 
 
 def _ip_offset(link_type: int, frame: bytes) -> int:

@@ -19,6 +19,9 @@ _DOCUMENTATION_ENTERPRISE: Final = 32473
 _NOTES_MARK: Final = struct.pack("<I8s", _DOCUMENTATION_ENTERPRISE, b"fri-hil\x01")
 _CRC32: Final = b"\x02"
 _HEAD: Final = struct.Struct("<HH")
+_HEADS: Final = {order: struct.Struct(f"{order}HH") for order in "<>"}
+_OWN_HASH: Final = _HEAD.pack(HASH, 5) + _CRC32
+_OWN_HASH_BYTES: Final = 12
 MAX_NOTES_BYTES: Final = 65_535 - len(_NOTES_MARK)
 
 
@@ -38,9 +41,24 @@ def notes_option(notes: bytes) -> bytes:
     return option(CUSTOM_NOT_COPIED, _NOTES_MARK + notes)
 
 
+def own_packet_options(data: bytes, at: int, end: int) -> tuple[int, bytes] | None:
+    """Return CRC-32 and notes of options as :func:`packet_options` lays them out; None for others."""
+    if data[at : at + len(_OWN_HASH)] != _OWN_HASH:
+        return None
+    crc32 = int.from_bytes(data[at + 5 : at + 9], "big")
+    at += _OWN_HASH_BYTES
+    if end - at <= _HEAD.size:
+        return crc32, b""
+    code, size = _HEAD.unpack_from(data, at)
+    start = at + _HEAD.size
+    if code != CUSTOM_NOT_COPIED or start + size > end or not data.startswith(_NOTES_MARK, start):
+        return None
+    return crc32, data[start + len(_NOTES_MARK) : start + size]
+
+
 def read_options(data: bytes, byte_order: str) -> Iterator[tuple[int, bytes]]:
     """Yield code and content of each option; raise ``ValueError`` where they do not hold together."""
-    head = struct.Struct(f"{byte_order}HH")
+    head = _HEADS[byte_order]
     at = 0
     while at + head.size <= len(data):
         code, size = head.unpack_from(data, at)

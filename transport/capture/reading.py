@@ -25,8 +25,9 @@ from transport.capture.blocks import (
     Block,
     read_blocks,
 )
+from transport.capture.endpoints import Endpoint
 from transport.capture.errors import CaptureError
-from transport.capture.frames import FrameDecoder
+from transport.capture.frames import LINK_ETHERNET, FrameDecoder, endpoints_of
 from transport.capture.records import CapturedDatagram, CaptureRecord, Notes, Packet, Place
 
 _NS_PER_S: Final = 1_000_000_000
@@ -35,6 +36,18 @@ _DEFAULT_TICKS_PER_S: Final = 1_000_000
 _PACKET_START: Final = 28
 """Where the frame begins in an enhanced or obsolete packet block."""
 _BLOCK_END_BYTES: Final = 4
+_MAX_ROUTES: Final = 1024
+_ETHERNET_BYTES: Final = 14
+_IP_BYTES: Final = 20
+_OWN_PAYLOAD_AT: Final = _ETHERNET_BYTES + _IP_BYTES + 8
+_OWN_BLOCK: Final = struct.Struct("<8xIIIII")
+_OWN_HEADERS: Final = struct.Struct("!12xHBxHxxHxB14xH")
+_OWN_ROUTE: Final = slice(_PACKET_START + 26, _PACKET_START + 38)
+"""Addresses and ports, which lie side by side."""
+_PLAIN_UDP: Final = (0x0800, 0x45, 0, 17)
+"""IPv4 without options, in one piece, UDP."""
+_OWN_BYTES: Final = _PACKET_START + _OWN_PAYLOAD_AT + _BLOCK_END_BYTES
+_OWN_OPTIONS_BYTES: Final = 16
 _VERSION_MAJOR: Final = 1
 _PACKET_KINDS: Final = frozenset({PACKET, OLD_PACKET, SIMPLE_PACKET, CLASSIC_PACKET})
 _OPTIONS_AT: Final = {SECTION_HEADER: 24, INTERFACE: 16, STATISTICS: 20}
@@ -216,6 +229,7 @@ class _Section:
         self._path = path
         self._interfaces: list[_Interface] = []
         self._decoder = FrameDecoder()
+        self._routes: dict[bytes, tuple[Endpoint, Endpoint]] = {}
 
     def describe(self, block: Block) -> None:
         """Take a block that holds no packet."""
@@ -230,13 +244,45 @@ class _Section:
 
     def packet(self, block: Block, number: int) -> tuple[Packet | None, bytes]:
         """Return the datagram of a packet's block, None where it holds none, and the notes before it."""
-        match block.kind:
-            case blocks.SIMPLE_PACKET:  # has no time stamp
-                return None, b""
-            case blocks.CLASSIC_PACKET:
-                return self._classic(block, number), b""
-            case _:
-                return self._enhanced(block, number)
+        kind = block.kind
+        if kind == PACKET:
+            return self._own(block, number) or self._enhanced(block, number)
+        if kind == OLD_PACKET:
+            return self._enhanced(block, number)
+        if kind == CLASSIC_PACKET:
+            return self._classic(block, number), b""
+        return None, b""  # a simple packet has no time stamp
+
+    def _own(self, block: Block, number: int) -> tuple[Packet, bytes] | None:
+        """Read a packet as our writer lays it out; None for one that is laid out otherwise. A replay reads these."""
+        data = block.data
+        if block.byte_order != "<" or len(data) < _OWN_BYTES:
+            return None
+        interface_id, high, low, captured, full = _OWN_BLOCK.unpack_from(data)
+        ethertype, version, total, fragment, protocol, length = _OWN_HEADERS.unpack_from(data, _PACKET_START)
+        options_at = _PACKET_START + captured + -captured % 4
+        if (
+            (ethertype, version, fragment, protocol) != _PLAIN_UDP
+            or captured != full
+            or captured != total + _ETHERNET_BYTES
+            or total != length + _IP_BYTES
+            or len(data) < options_at + _OWN_OPTIONS_BYTES
+            or interface_id >= len(self._interfaces)
+            or self._interfaces[interface_id].link_type != LINK_ETHERNET
+        ):
+            return None
+        found = options.own_packet_options(data, options_at, len(data) - _BLOCK_END_BYTES)
+        if found is None:
+            return None
+        route = data[_OWN_ROUTE]
+        ends = self._routes.get(route)
+        if ends is None:
+            ends = endpoints_of(route)
+            if len(self._routes) < _MAX_ROUTES:
+                self._routes[route] = ends
+        place = Place(number, block.offset, self._interfaces[interface_id].unix_ns(high << 32 | low), found[0])
+        frame = data[_PACKET_START : _PACKET_START + captured]
+        return Packet(place, *ends, frame[_OWN_PAYLOAD_AT:], frame, _OWN_PAYLOAD_AT), found[1]
 
     def _classic(self, block: Block, number: int) -> Packet | None:
         seconds, fraction, captured, full = struct.unpack_from(f"{block.byte_order}IIII", block.data)
