@@ -97,7 +97,8 @@ def test_ruff_lets_timeouts_and_given_times_pass(found: set[Path], number: int) 
 def test_nobody_but_the_clock_module_is_let_off() -> None:
     # Neither by a comment, nor by the settings of a folder.
     found = found_by_ruff(ROOT, "--ignore-noqa", "--config", "lint.per-file-ignores={}", "--select", "TID251")
-    assert found == {CLOCK}
+    # But for the example of a user's project: it tells the time as programs do.
+    assert {file for file in found if file.parts[0] != "examples"} == {CLOCK}
 
 
 def clocks_of_event_loops(tree: ast.AST) -> Iterator[int]:

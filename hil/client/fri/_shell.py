@@ -3,6 +3,7 @@
 import socket
 from collections.abc import Iterator
 
+from hil.client._machine import DatagramSocket, virtual_machine
 from hil.client.fri.errors import NothingHeard
 from hil.client.fri.handler import FriHandler
 from hil.client.fri.session import ClientSession
@@ -32,13 +33,15 @@ class ClientShell:
         self._controller = controller
 
 
-def open_socket(*, bind: Address, controller: str | None) -> socket.socket:
+def open_socket(*, bind: Address, controller: str | None) -> DatagramSocket:
     """Return a UDP socket bound to ``bind``, connected to ``controller`` (``HOST[:PORT]``, port: ours) when given.
 
     Raises :class:`EndpointError` in one sentence, and leaves no socket open then.
     """
     if not 0 <= bind.port <= 65535:
         raise ConfigurationError(f"port {bind.port} is outside 0..65535")
+    if (machine := virtual_machine()) is not None:
+        return machine.bind(bind, controller=controller)
     sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         bind_socket(sock, bind, in_use=_IN_USE)

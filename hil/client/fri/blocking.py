@@ -1,9 +1,9 @@
 """The blocking shell: one socket, one thread."""
 
-import socket
 from types import TracebackType
 from typing import Self
 
+from hil.client._machine import DatagramSocket
 from hil.client.fri._shell import ClientShell, cannot_answer, not_open, open_socket, timeouts
 from hil.values.fri import MAX_DATAGRAM_BYTES
 from hil.values.link import Address
@@ -16,7 +16,7 @@ class FriClient(ClientShell):
     hears that one only; else it answers whoever sent the last message.
     """
 
-    _socket: socket.socket | None = None
+    _socket: DatagramSocket | None = None
 
     def __enter__(self) -> Self:
         """Bind; raise :class:`hil.values.errors.EndpointError` when the port is taken."""
@@ -64,12 +64,12 @@ class FriClient(ClientShell):
             self._socket.close()
             self._socket = None
 
-    def _open(self) -> socket.socket:
+    def _open(self) -> DatagramSocket:
         if self._socket is None:
             raise not_open()
         return self._socket
 
-    def _answer(self, sock: socket.socket, answer: bytes, controller: tuple[str, int]) -> None:
+    def _answer(self, sock: DatagramSocket, answer: bytes, controller: tuple[str, int]) -> None:
         while True:
             try:
                 # Linux takes the address on a connected socket too; it is the one that socket is connected to.

@@ -4,6 +4,7 @@ import secrets
 import socket
 from typing import Final
 
+from hil.client._machine import DatagramSocket, virtual_machine
 from hil.client.servo import _frames as frames
 from hil.client.servo._frames import MovedFrame
 from hil.client.servo.errors import IllegalArgumentException
@@ -134,7 +135,7 @@ class ClientShell:
             watchdog_ms=self._watchdog_ms,
             state_period_ms=self._state_period_ms,
             name=self._name,
-            nonce=secrets.randbits(64),
+            nonce=_random_bits(64),
             latency_budget_ms=self._latency_budget_ms,
         )
 
@@ -220,6 +221,17 @@ def open_socket(controller: Address) -> socket.socket:
         sock.close()
         raise EndpointError(f"cannot reach the controller at UDP {controller}: {error.strerror}") from error
     return sock
+
+
+def _random_bits(count: int) -> int:
+    machine = virtual_machine()
+    return secrets.randbits(count) if machine is None else machine.random_bits(count)
+
+
+def open_loop_socket(controller: Address) -> DatagramSocket:
+    """Return what an event loop reads and writes to talk to ``controller`` alone; raise :class:`EndpointError`."""
+    machine = virtual_machine()
+    return open_socket(controller) if machine is None else machine.connect(controller)
 
 
 def address_of(controller: str) -> Address:

@@ -9,11 +9,13 @@ import selectors
 import socket
 import threading
 from contextlib import suppress
-from typing import Final, TypeVar
+from typing import Final, Protocol, TypeVar
 
-from hil.client.servo._link import FAREWELLS, Link
+from hil.client._machine import virtual_machine
+from hil.client.servo._link import FAREWELLS, Link, open_socket
 from hil.client.servo._operations import Operation, Wait
 from hil.clock import Deadline
+from hil.values.link import Address
 from hil.values.servo import MAX_SERVO_DATAGRAM_BYTES
 
 _REST_S: Final = 0.005
@@ -24,6 +26,32 @@ _LEAVE_S: Final = 1.0
 """How long closing waits for other threads to leave their calls."""
 
 _T = TypeVar("_T")
+
+
+class ServoPump(Protocol):
+    """What a blocking client needs of a pump."""
+
+    @property
+    def link(self) -> Link:
+        """The session, and what the clock has to do with it."""
+
+    def start(self) -> None:
+        """Let the client work between calls."""
+
+    def run(self, operation: Operation[_T], /) -> _T:
+        """Run an operation in the calling thread and return its result."""
+
+    def look(self) -> None:
+        """Take in what has come."""
+
+    def close(self) -> None:
+        """Say goodbye, end the session, release everything."""
+
+
+def open_pump(link: Link, controller: Address) -> ServoPump:
+    """Return the pump of a client of ``controller``; raise :class:`EndpointError`."""
+    machine = virtual_machine()
+    return Pump(link, open_socket(controller)) if machine is None else machine.pump(link, controller)
 
 
 class Pump:

@@ -1,12 +1,12 @@
 """One socket for the tasks of an asyncio client: one task reads, keeps the session alive and tells goals reached."""
 
 import asyncio
-import socket
 from collections.abc import Callable
 from typing import TypeVar
 
 import asyncio_dgram
 
+from hil.client._machine import DatagramSocket
 from hil.client.servo._link import FAREWELLS, Link
 from hil.client.servo._operations import Operation, Wait
 from hil.clock import Deadline
@@ -24,7 +24,7 @@ class Reader:
         self._task = asyncio.create_task(self._serve(), name="hil servo client")
 
     @classmethod
-    async def open(cls, link: Link, sock: socket.socket) -> "Reader":
+    async def open(cls, link: Link, sock: DatagramSocket) -> "Reader":
         """Return a reader of ``sock``, which does not block and is the reader's from now on."""
         try:
             return cls(link, await asyncio_dgram.from_socket(sock))

@@ -7,7 +7,7 @@ from typing import Self, TypeVar, overload
 from hil.client.servo import _frames as frames
 from hil.client.servo import _operations as operations
 from hil.client.servo._frames import FrameName
-from hil.client.servo._link import ClientShell, address_of, not_open, open_socket
+from hil.client.servo._link import ClientShell, address_of, not_open, open_loop_socket
 from hil.client.servo._operations import Operation
 from hil.client.servo._pushes import checked_push
 from hil.client.servo._reader import Reader
@@ -44,7 +44,7 @@ class AsyncServoClient(ClientShell):
         await self.close()
         address = address_of(self._controller)
         link = self._new_link()
-        reader = await Reader.open(link, open_socket(address))
+        reader = await Reader.open(link, open_loop_socket(address))
         try:
             await reader.run(operations.connect(link.session, controller=address, timeout_s=self._connect_timeout_s))
             await reader.run(operations.fetch_frames(link.session))

@@ -7,9 +7,9 @@ from typing import Self, TypeVar, overload
 from hil.client.servo import _frames as frames
 from hil.client.servo import _operations as operations
 from hil.client.servo._frames import FrameName
-from hil.client.servo._link import ClientShell, address_of, not_open, open_socket
+from hil.client.servo._link import ClientShell, address_of, not_open
 from hil.client.servo._operations import Operation
-from hil.client.servo._pump import Pump
+from hil.client.servo._pump import ServoPump, open_pump
 from hil.client.servo._pushes import checked_push
 from hil.client.servo.errors import CALLED_PREMATURELY, IllegalStateException, wrong_client
 from hil.client.servo.motions import DirectServoMotion, Motion, PtpMotion, SmartServoMotion
@@ -32,7 +32,7 @@ class ServoClient(ClientShell):
     silent for the longer of 1 s and three watchdogs) raises :class:`SessionEnded` from every call that waits.
     """
 
-    _pump: Pump | None = None
+    _pump: ServoPump | None = None
 
     def __enter__(self) -> Self:
         self.connect()
@@ -51,7 +51,7 @@ class ServoClient(ClientShell):
         self.close()
         address = address_of(self._controller)
         link = self._new_link()
-        pump = Pump(link, open_socket(address))
+        pump = open_pump(link, address)
         try:
             pump.run(operations.connect(link.session, controller=address, timeout_s=self._connect_timeout_s))
             pump.run(operations.fetch_frames(link.session))
@@ -120,7 +120,7 @@ class ServoClient(ClientShell):
     def _run(self, operation: Operation[_T]) -> _T:
         return self._open().run(operation)
 
-    def _open(self) -> Pump:
+    def _open(self) -> ServoPump:
         if self._pump is None:
             raise not_open()
         return self._pump
