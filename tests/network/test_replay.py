@@ -72,10 +72,11 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
         wait_for_line(controller, "pad: ")
         with PadClient(f"{place}/x") as pad, ServoClient(f"{host}:30300") as robot:
             start = robot.read_state().measured_position
-            motion = robot.start(SmartServo())
-            motion.set_destination((*start[:6], start[6] + 0.2))
+            motion = SmartServo()
+            robot.move_async(motion)
+            motion.get_runtime().set_destination((*start[:6], start[6] + 0.2))
             until(pad, "COMMANDING_ACTIVE")
-            motion.stop()
+            motion.get_runtime().stop_motion()
         with PadClient(f"{place}/x", robot="arm") as pad:
             pad.push((15.0, 0.0, 0.0), duration_s=0.2)
             pad.set_override(50.0)
@@ -167,12 +168,20 @@ def test_the_speed_can_be_that_of_the_recording(tmp_path: Path) -> None:
 @pytest.mark.skipif(shutil.which("tshark") is None, reason="tshark is not installed")
 def test_wireshark_reads_a_run_without_a_warning(run: Path) -> None:
     assert any(isinstance(one, Notes) for one in records(run))
-    result = subprocess.run(
-        ["tshark", "-r", str(run), "-T", "fields", "-e", "frame.number", "-e", "_ws.expert", "-e", "_ws.malformed"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    command = [
+        "tshark",
+        "-r",
+        str(run),
+        "-T",
+        "fields",
+        "-e",
+        "frame.number",
+        "-e",
+        "_ws.expert",
+        "-e",
+        "_ws.malformed",
+    ]
+    result = subprocess.run(command, capture_output=True, text=True, check=True)
     assert [line for line in result.stderr.splitlines() if not line.startswith("Running as user")] == []
     assert [line.split("\t") for line in result.stdout.splitlines()] == [
         [str(number), "", ""] for number in range(1, len(packets(run)) + 1)
