@@ -41,7 +41,7 @@ GOLDENS: Final = (
         1.5,
         {"backend": "mujoco", "cycle_ms": 4, "fri": {"release": "2.5", "overlay": "torque", "send_period_ms": 4}},
     ),
-    Golden("smart-servo-2ms", BenchMotion.SMART_SERVO, 0.5, {"backend": "mujoco", "cycle_ms": 2, "servo": {}}),
+    Golden("smart-servo-2ms", BenchMotion.SMART_SERVO, 0.4, {"backend": "mujoco", "cycle_ms": 2, "servo": {}}),
     Golden("direct-servo-ideal", BenchMotion.DIRECT_SERVO, 0.25, {"backend": "ideal", "servo": {}}),
 )
 
@@ -52,6 +52,7 @@ def write_golden(golden: Golden, folder: Path) -> Path:
     file = folder / f"{golden.name}.pcapng"
     run = VirtualRun(config, recorded_client(config, golden.motion), file)
     run.run(golden.seconds)
+    run.check()
     if config.io:
         run.operate(SetInput("Gripper.Closed", value=True))
     if config.backend == "mujoco":

@@ -16,6 +16,7 @@ from hil.replay.stand_in_controller import RecordedController
 from hil.values.errors import EndpointError, MalformedDatagram, UsageError
 from hil.values.link import Address
 from hil.values.servo import SERVO_PORT, Hello
+from transport.capture.reading import read_section_comment
 from transport.servo import ServoCodec
 from transport.udp import ANY_HOST, bind_socket, parse_address
 
@@ -109,6 +110,7 @@ def _only_flow(file: Path, wish: Wish) -> Flow:
 
 
 def _application_route(file: Path, codec: ServoCodec) -> tuple[Address, Address]:
+    read_section_comment(file)
     for packet in packets_of(file):
         with suppress(MalformedDatagram):
             if isinstance(codec.decode_from_client(packet.payload), Hello):

@@ -15,6 +15,7 @@ import pytest
 from hil.client.pad import PadClient
 from hil.client.servo import ServoClient, SmartServo
 from hil.replay.replay import replay_file
+from tests.support.cli import cli
 from tests.support.processes import ROOT, Ended, finish, hil, own_host, wait_for_line
 from tests.support.recordings import flip_bit, header_of, packets, records
 from transport.capture.records import Notes
@@ -30,8 +31,8 @@ def folder() -> Iterator[Path]:
         yield Path(name)
 
 
-def joint_sine(host: str, port: int, *options: object) -> "subprocess.Popen[str]":
-    command = [sys.executable, "-m", "apps.fri_joint_sine", "--bind", host, "--port", str(port), *map(str, options)]
+def program(module: str, *arguments: object) -> "subprocess.Popen[str]":
+    command = [sys.executable, "-m", module, *map(str, arguments)]
     return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
@@ -56,7 +57,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
         name = "arm"
         [robot.fri]
         client = "{host}:30200"
-        send_period_ms = 5
+        send_period_ms = 20
         [[robot]]
         name = "other"
         seed = 4
@@ -65,28 +66,30 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
         """,
         encoding="utf-8",
     )
-    client = joint_sine(host, 30200, "--seconds", 20, "--fri-version", "1.15")
     with tempfile.TemporaryDirectory(prefix="rep") as place:
-        controller = hil("run", station, "--pad", f"{place}/x", "--status-json", folder / "status.json")
-        # Both options of hil() would override the file; the station has one servo link that must stay.
-        wait_for_line(controller, "pad: ")
-        with PadClient(f"{place}/x") as pad, ServoClient(f"{host}:30300") as robot:
-            start = robot.read_state().measured_position
-            motion = SmartServo()
-            robot.move_async(motion)
-            motion.get_runtime().set_destination((*start[:6], start[6] + 0.2))
-            until(pad, "COMMANDING_ACTIVE")
-            motion.get_runtime().stop_motion()
-        with PadClient(f"{place}/x", robot="arm") as pad:
-            pad.push((15.0, 0.0, 0.0), duration_s=0.2)
-            pad.set_override(50.0)
-            pad.emergency_stop()
-            pad.reset()
-        ended = finish(controller, interrupt=True)
-    client.terminate()
-    client.communicate()
+        # Not by hil(), which takes servo links away that a test did not ask for by option.
+        controller = program("hil.cli.main", "run", station, "--pad", f"{place}/x", "--status-json", folder / "s.json")
+        client = program("apps.fri_joint_sine", "--bind", host, "--seconds", 20, "--fri-version", "1.15")
+        try:
+            wait_for_line(controller, "pad: ")
+            with PadClient(f"{place}/x") as pad, ServoClient(f"{host}:30300") as robot:
+                start = robot.read_state().measured_position
+                motion = SmartServo()
+                robot.move_async(motion)
+                motion.get_runtime().set_destination((*start[:6], start[6] + 0.2))
+                until(pad, "COMMANDING_ACTIVE")
+                motion.get_runtime().stop_motion()
+            with PadClient(f"{place}/x", robot="arm") as pad:
+                pad.push((15.0, 0.0, 0.0), duration_s=0.2)
+                pad.set_override(50.0)
+                pad.emergency_stop()
+                pad.reset()
+        finally:
+            ended = finish(controller, interrupt=True)
+            client.terminate()
+            client.communicate()
     assert ended.code == 0, ended.err
-    status = json.loads((folder / "status.json").read_text())
+    status = json.loads((folder / "s.json").read_text())
     assert status["capture"]["error"] is None
     assert status["capture"]["dropped"] == 0
     assert status["capture"]["written"] == len(packets(file))
@@ -94,7 +97,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def replayed(*arguments: object) -> tuple[Ended, dict[str, Any]]:
-    ended = finish(hil("replay", *arguments, "--json", "-"))
+    ended = cli("replay", *arguments, "--json", "-")
     return ended, json.loads(ended.out) if ended.out else {}
 
 
@@ -104,7 +107,7 @@ def test_a_run_of_real_processes_replays_byte_for_byte(run: Path) -> None:
     assert (ended.code, ended.err) == (0, "")
     assert found["complete"]
     assert found["notes"] == []
-    assert found["inputs"] > 200
+    assert found["inputs"] > 60
     assert found["compared"] + found["inputs"] == len(packets(run))
     header = header_of(run)
     assert [robot.name for robot in header.robots] == ["arm", "other"]
@@ -116,18 +119,18 @@ def test_what_was_changed_is_told_with_exit_code_1(run: Path, tmp_path: Path) ->
     file.write_bytes(run.read_bytes())
     bound = header_of(run).robots[0].bound["fri"]
     commands = [one for one in packets(run) if one.destination == bound]
-    flip_bit(file, commands[100], len(commands[100].payload) - 3, 6)
-    ended = finish(hil("replay", file))
+    flip_bit(file, commands[50], len(commands[50].payload) - 3, 6)
+    ended = cli("replay", file)
     assert ended.code == 1
     assert "changed after it was recorded:" in ended.out
-    assert f"packet {commands[100].place.number}," in " ".join(ended.out.split())
-    assert f"bit 6 of byte {len(commands[100].payload) - 3}" in " ".join(ended.out.split())
+    assert f"packet {commands[50].place.number}," in " ".join(ended.out.split())
+    assert f"bit 6 of byte {len(commands[50].payload) - 3}" in " ".join(ended.out.split())
 
 
 def test_a_damaged_file_ends_with_exit_code_2_and_the_offset(run: Path, tmp_path: Path) -> None:
     file = tmp_path / "cut.pcapng"
     file.write_bytes(run.read_bytes()[:-1000])
-    ended = finish(hil("replay", file))
+    ended = cli("replay", file)
     assert ended.code == 2
     assert "identical byte for byte" in ended.out
     assert f"capture {file} at byte " in " ".join(ended.out.split()).replace("\n", "")
@@ -142,7 +145,7 @@ def test_what_is_no_capture_is_one_sentence(tmp_path: Path, content: bytes | Non
     if content is not None:
         file.write_bytes(content)
     for arguments in (["replay", file], ["stand-in", "client", file], ["stand-in", "application", file]):
-        ended = finish(hil(*arguments))
+        ended = cli(*arguments)
         assert (ended.code, ended.out) == (2, "")
         assert ended.err.startswith(f"hil: capture {file}")
         assert said in ended.err
@@ -151,7 +154,7 @@ def test_what_is_no_capture_is_one_sentence(tmp_path: Path, content: bytes | Non
 
 def test_bad_options_are_one_sentence(run: Path) -> None:
     for speed in ("0", "fast", "-1", "nan"):
-        ended = finish(hil("replay", run, f"--speed={speed}"))
+        ended = cli("replay", run, f"--speed={speed}")
         assert ended.code == 2
         assert "valid is max, or a number of 0.001 to 1000 times real time" in ended.err
 
@@ -200,7 +203,7 @@ def running(place: Path, host: str, *options: object) -> Iterator["subprocess.Po
 
 
 def capture(place: Path, *arguments: object) -> Ended:
-    return finish(hil("capture", *arguments, "--socket", place))
+    return cli("capture", *arguments, "--socket", place)
 
 
 def test_a_capture_is_begun_and_ended_while_the_controller_runs(folder: Path) -> None:
@@ -240,7 +243,7 @@ def test_the_end_of_the_run_completes_a_capture(folder: Path) -> None:
 
 def test_a_ring_keeps_the_newest_files(folder: Path) -> None:
     file = folder / "run.pcapng"
-    options = "--duration", 2.5, "--backend", "ideal", "--fri-client", f"{own_host()}:30200"
+    options = "--duration", 1.2, "--backend", "ideal", "--fri-client", f"{own_host()}:30200"
     ended = finish(hil("run", *options, "--capture", file, "--capture-ring", "3x100kB", "--progress", 0))
     assert ended.code == 0, ended.err
     kept = sorted(folder.glob("run*.pcapng"))
@@ -269,7 +272,7 @@ def test_a_recorded_client_moves_a_live_controller(tmp_path: Path) -> None:
     host = own_host()
     options = "--fri-client", f"{host}:30200", "--send-period", 5, "--status-json", tmp_path / "s.json"
     controller = hil("run", *options, "--duration", 3, "--progress", 0)
-    client = finish(hil("stand-in", "client", RECORDED, "--bind", f"{host}:30200", "--json", tmp_path / "c.json"))
+    client = cli("stand-in", "client", RECORDED, "--bind", f"{host}:30200", "--json", tmp_path / "c.json")
     ended = finish(controller)
     assert client.code == 0, client.err
     told = json.loads((tmp_path / "c.json").read_text())
@@ -283,11 +286,11 @@ def test_a_recorded_client_moves_a_live_controller(tmp_path: Path) -> None:
 
 def test_a_recorded_controller_asks_a_live_client(tmp_path: Path) -> None:
     host = own_host()
-    client = joint_sine(host, 30200, "--seconds", 20, "--fri-version", "1.15")
-    assert client.stderr is not None
-    client.stderr.readline()
+    client = program("apps.fri_joint_sine", "--bind", host, "--seconds", 20, "--fri-version", "1.15")
+    assert client.stdout is not None
+    client.stdout.readline()
     told = tmp_path / "c.json"
-    ended = finish(hil("stand-in", "controller", RECORDED, "--client", f"{host}:30200", "--json", told))
+    ended = cli("stand-in", "controller", RECORDED, "--client", f"{host}:30200", "--json", told)
     client.terminate()
     client.communicate()
     found = json.loads(told.read_text())
@@ -302,17 +305,18 @@ def test_a_recorded_application_moves_a_live_controller(tmp_path: Path) -> None:
     controller = hil("run", *options)
     wait_for_line(controller, "applications at")
     recorded = DATA / "smart-servo-2ms.pcapng"
-    told = finish(hil("stand-in", "application", recorded, "--controller", f"{host}:30300"))
+    told = cli("stand-in", "application", recorded, "--controller", f"{host}:30300")
     ended = finish(controller, interrupt=True)
     assert told.code == 0, told.err
     assert ended.code == 0, ended.err
     robot = json.loads((tmp_path / "s.json").read_text())["robots"]["arm"]
-    assert robot["servo"]["requests_taken"] > 200
-    assert robot["servo"]["requests_refused"] == 0
+    assert robot["servo"]["requests_taken"] > 150
+    assert robot["servo"]["motions_begun"] == 1
+    assert abs(robot["measured_position"][3] - robot["initial_position"][3]) > 1e-4
 
 
 def test_nobody_there_is_one_sentence(tmp_path: Path) -> None:
     host = own_host()
-    ended = finish(hil("stand-in", "controller", RECORDED, "--client", f"{host}:30200"))
+    ended = cli("stand-in", "controller", RECORDED, "--client", f"{host}:30200")
     assert ended.code == 2
     assert f"no answer came from {host}:30200" in ended.err

@@ -62,7 +62,8 @@ def recorded_client(config: RobotConfig, motion: BenchMotion) -> RecordedClient:
         if config.fri is None:
             raise ConfigurationError("the FRI overlay needs an FRI link")
         return _FriSine(config.fri)
-    return _ServoSine(MotionKind.SMART_SERVO if motion is BenchMotion.SMART_SERVO else MotionKind.DIRECT_SERVO)
+    kind = MotionKind.SMART_SERVO if motion is BenchMotion.SMART_SERVO else MotionKind.DIRECT_SERVO
+    return _ServoSine(kind, state_period_ms=config.cycle_ms)
 
 
 OVERLAY_UNDER: Final = {
@@ -96,8 +97,9 @@ class _FriSine:
 class _ServoSine:
     """An application that sets a new destination each cycle: a sine on A4. States come each cycle too."""
 
-    def __init__(self, kind: MotionKind) -> None:
+    def __init__(self, kind: MotionKind, *, state_period_ms: int) -> None:
         self._kind = kind
+        self._state_period_ms = state_period_ms
         self._codec = ServoCodec()
         self._token = 0
         self._sequence = 0
@@ -108,7 +110,7 @@ class _ServoSine:
     def answer(self, outgoing: Sequence[Outgoing]) -> Datagrams:
         packets = [self._codec.decode_from_controller(out.payload) for out in outgoing if out.link == SERVO_LINK]
         if not self._token and not packets:
-            return self._say(Hello(PROTOCOL_VERSION, 1, Role.COMMANDER, 1000, 1, "bench"))
+            return self._say(Hello(PROTOCOL_VERSION, 1, Role.COMMANDER, 1000, self._state_period_ms, "bench"))
         for packet in packets:
             if isinstance(packet, Welcome):
                 self._token = packet.token

@@ -57,6 +57,10 @@ class VirtualRun:
             if progress is not None and cycle % 1000 == 0:
                 progress(cycle * self._period_ns / 1e9)
 
+    def check(self) -> None:
+        """Raise :class:`ConfigurationError` unless the client moves the arm."""
+        self._client.check(self.controller)
+
     def operate(self, action: OperatorAction) -> None:
         """Do what the operator does, now."""
         at_ns = max(self.now_ns, 0) + self._random.randrange(self._period_ns)

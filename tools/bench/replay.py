@@ -50,6 +50,7 @@ def bench_replay(
         file = Path(folder) / "bench.pcapng"
         run = VirtualRun(config, recorded_client(config, motion), file)
         run.run(seconds, progress=progress)
+        run.check()
         run.close()
         took: list[float] = []
         grown_kb = 0
