@@ -37,6 +37,7 @@ from hil.values.motion import Fault
 from hil.values.operator import OperatorAction, OperatorView, SetInput, StopCategory
 from hil.values.robot import RobotDescription
 from hil.values.servo import ServoControllerCodec
+from hil.values.tuples import new_tuple
 
 __all__ = ["FRI_LINK", "Controller", "operator_report"]
 
@@ -134,10 +135,13 @@ class Controller:
         self.ticks += 1
         started_ns = now_ns + lateness_ns
         on_stage = self._on_stage
+        if on_stage is None:
+            for _, stage in self._stages:
+                stage(now_ns, started_ns)
+            return
         for name, stage in self._stages:
             stage(now_ns, started_ns)
-            if on_stage is not None:
-                on_stage(name)
+            on_stage(name)
 
     def outgoing(self, *, now_ns: int | None = None) -> list[Outgoing]:
         """Return and forget the datagrams to send.
@@ -316,8 +320,8 @@ class Controller:
 
     def _read(self, now_ns: int, _started_ns: int) -> None:
         self._before = self._motion.set_point
-        self._arm = self._control.read(self._backend.read(), now_ns=now_ns)
-        self._safety.read(self._arm, now_ns=now_ns)
+        self._arm = arm = self._control.read(self._backend.read(), now_ns=now_ns)
+        self._safety.read(arm, now_ns=now_ns)
 
     def _progress(self, now_ns: int, started_ns: int) -> None:
         fri, servo, safety = self._fri, self._servo, self._safety
@@ -331,7 +335,7 @@ class Controller:
         if servo is not None:
             # A paused program lets motions wait; a stop lets none in.
             barred = safety.bars_motions
-            if self._fri_commands:
+            if fri is not None and fri.commanding:
                 barred = "the FRI client commands the arm: end its overlay first, or run the controller without one"
             servo.progress(arm=self._arm, now_ns=now_ns, started_ns=started_ns, barred=barred)
 
@@ -370,9 +374,9 @@ class Controller:
             self._interpolate(now_ns, started_ns)
 
     def _move(self, now_ns: int, _started_ns: int) -> None:
-        proposed, motion = self._proposed, self._motion
-        self._backend.write(self._control.command(proposed, motion, now_ns=now_ns))
-        self._backend.step()
+        proposed, motion, backend = self._proposed, self._motion, self._backend
+        backend.write(self._control.command(proposed, motion, now_ns=now_ns))
+        backend.step()
         if motion.commit(proposed, now_ns=now_ns):
             self._events.append(ArmResting(now_ns))
 
@@ -390,7 +394,7 @@ class Controller:
         if self._fri is not None:
             message = self._fri.message(self._arm, operator=self._safety.view, now_ns=now_ns, started_ns=started_ns)
             if message is not None:
-                self._outgoing.append(Outgoing(FRI_LINK, message))
+                self._outgoing.append(new_tuple(Outgoing, (FRI_LINK, message, None)))
         if self._servo is not None:
             self._outgoing += self._servo.outgoing(
                 self._arm, operator=self._safety.view, cycle=self.ticks, now_ns=now_ns

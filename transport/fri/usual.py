@@ -8,16 +8,19 @@ from struct import Struct
 
 from hil.values.fri import COMMAND_IDENTIFIER
 from hil.values.fri_messages import CommandData, CommandMessage
+from hil.values.tuples import new_tuple
+from transport.fri.vectors import varint
 
 # The tag before each number is left out of what is unpacked: all of them are compared at once.
 _SEVEN = Struct("<" + "xd" * 7).unpack_from
 _THIRTEEN = Struct("<" + "xd" * 7 + "4s6d").unpack_from
 _FOURTEEN = Struct("<" + "xd" * 7 + "2s" + "xd" * 7).unpack_from
 _TAGS = b"\x09" * 7
-_HEADER_TAGS = b"\x08\x10\x18"
-_COUNTER_TAGS = _HEADER_TAGS[1:]
-_IDENTIFIED = b"\x08\x81\x80\xd0\x01"
+_IDENTIFIER_TAG, _COUNTER_TAG, _REFLECTED_TAG = b"\x08\x10\x18"
+_MOST_UINT32 = 0xFFFFFFFF
+_IDENTIFIED = b"\x08" + varint(COMMAND_IDENTIFIER)
 """The identifier of a command, as far as it is the right one."""
+_COUNTER_AT = 2 + len(_IDENTIFIED)
 _POSITION_ALONE = b"\x12\x41\x0a\x3f"
 """CommandData of 65 bytes that holds JointValues of 63 bytes and nothing else."""
 _POSITION_AND_WRENCH = b"\x12\x75\x0a\x3f"
@@ -40,17 +43,20 @@ def usual_command(body: bytes) -> CommandMessage | None:
     numbers = _header(body, end) if end <= size else None
     if numbers is None:
         return None
+    identifier, counter, reflected = numbers
     if size == end:
-        return CommandMessage(numbers[1], numbers[2], None, None, numbers[0])
+        return CommandMessage(counter, reflected, None, None, identifier)
     data = _data(body, end)
-    return None if data is None else CommandMessage(numbers[1], numbers[2], data, None, numbers[0])
+    return None if data is None else new_tuple(CommandMessage, (counter, reflected, data, None, identifier))
 
 
 def _data(body: bytes, at: int) -> CommandData | None:
     """Return the data that fill ``body`` from ``at`` on, if they are of a usual shape."""
     size = len(body) - at
     if size == _POSITION_BYTES and body.startswith(_POSITION_ALONE, at):
-        return CommandData(_SEVEN(body, at + 4)) if body[at + 4 :: 9] == _TAGS else None
+        if body[at + 4 :: 9] != _TAGS:
+            return None
+        return new_tuple(CommandData, (_SEVEN(body, at + 4), None, None, (), (), None, None))
     if size == _TORQUE_BYTES and body.startswith(_POSITION_AND_TORQUE, at):
         values = _FOURTEEN(body, at + 5)
         usual = values[7] == _TORQUE and body[at + 5 : at + 68 : 9] == _TAGS and body[at + 70 :: 9] == _TAGS
@@ -62,23 +68,39 @@ def _data(body: bytes, at: int) -> CommandData | None:
     return None
 
 
-def _header(body: bytes, end: int) -> list[int] | None:
+def _header(body: bytes, end: int) -> tuple[int, int, int] | None:
     """Return identifier and both counters when the header, which ends at ``end``, holds them and nothing else."""
-    at, numbers, tags = 2, [], _HEADER_TAGS
-    if body.startswith(_IDENTIFIED, at):
-        at, numbers, tags = at + len(_IDENTIFIED), [COMMAND_IDENTIFIER], _COUNTER_TAGS
-    for tag in tags:
-        if at + 1 >= end or body[at] != tag:
+    try:
+        if body.startswith(_IDENTIFIED, 2):
+            identifier, at = COMMAND_IDENTIFIER, _COUNTER_AT
+        elif body[2] == _IDENTIFIER_TAG:
+            identifier, at = _varint(body, 3)
+        else:
             return None
-        byte = body[at + 1]
-        at += 2
-        number, shift = byte & 0x7F, 7
-        while byte >= 0x80:
-            if at >= end or shift > 28:
-                return None
-            byte = body[at]
-            at += 1
-            number |= (byte & 0x7F) << shift
-            shift += 7
-        numbers.append(number)
-    return numbers if at == end and max(numbers) <= 0xFFFFFFFF else None
+        if body[at] != _COUNTER_TAG:
+            return None
+        counter, at = _varint(body, at + 1)
+        if body[at] != _REFLECTED_TAG:
+            return None
+        reflected, at = _varint(body, at + 1)
+    except IndexError:
+        return None
+    usual = at == end and counter <= _MOST_UINT32 and reflected <= _MOST_UINT32 and identifier <= _MOST_UINT32
+    return (identifier, counter, reflected) if usual else None
+
+
+def _varint(body: bytes, at: int) -> tuple[int, int]:
+    """Return the varint at ``at``, and where it ends; more than 32 bits where there are five bytes and no end."""
+    number = body[at]
+    if number <= _ONE_BYTE:
+        return number, at + 1
+    byte = body[at + 1]
+    if byte <= _ONE_BYTE:
+        return number & 0x7F | byte << 7, at + 2
+    number = number & 0x7F | (byte & 0x7F) << 7
+    for more in (2, 3, 4):
+        byte = body[at + more]
+        number |= (byte & 0x7F) << 7 * more
+        if byte <= _ONE_BYTE:
+            return number, at + more + 1
+    return _MOST_UINT32 + 1, at + 5

@@ -1,9 +1,13 @@
 """Joint position overlay on a position hold: the client's positions, spread over the time between two of them."""
 
+import math
 from operator import add, gt, sub
 
 from hil.core.motion.set_point import STILL, SetPoint
 from hil.values.robot import JointLimits, Seven
+from hil.values.tuples import new_tuple
+
+_ROUNDING = 1.0 - 1e-9
 
 
 class JointOverlay:
@@ -18,6 +22,7 @@ class JointOverlay:
         self._position = start.position_rad
         self._rate = 1.0 / cycle_s
         self._step_limit = [limit * cycle_s for limit in limits.velocity_rad_s]
+        self._short_step = min(self._step_limit) * _ROUNDING
         self._cycles_per_target = cycles_per_target
         self._target = start.position_rad
         self._cycles_left = 0
@@ -38,28 +43,29 @@ class JointOverlay:
         if self._cycles_left == 0:
             self.tracking_performance = 1.0
             return SetPoint(self._position, STILL)
-        step, slowed = self._step()
+        # The step that keeps the schedule.
+        step = list(map(sub, self._target, self._position))
+        cycles_left, rate = self._cycles_left, self._rate
+        if cycles_left != 1:
+            scale = 1.0 / cycles_left
+            step = [part * scale for part in step]
+        # No axis goes farther than all of them together.
+        fast = math.hypot(*step) > self._short_step and any(map(gt, map(abs, step), self._step_limit))
+        slowed = self._slowed(step) if fast else 1.0
         self.tracking_performance = slowed
         if slowed == 1.0:
-            self._cycles_left -= 1
-            self._position = tuple(map(add, self._position, step)) if self._cycles_left else self._target
+            self._cycles_left = cycles_left = cycles_left - 1
+            self._position = tuple(map(add, self._position, step)) if cycles_left else self._target
         else:
             step = [part * slowed for part in step]
-            self._cycles_left = max(1, self._cycles_left - 1)
+            self._cycles_left = max(1, cycles_left - 1)
             self._position = tuple(map(add, self._position, step))
-        rate = self._rate
-        return SetPoint(self._position, tuple([part * rate for part in step]))  # type: ignore[arg-type]
+        return new_tuple(SetPoint, (self._position, tuple([part * rate for part in step]), STILL))
 
-    def _step(self) -> tuple[list[float], float]:
-        """Return the step that keeps the schedule, and the factor, at most 1, that keeps every axis at its velocity."""
-        step = list(map(sub, self._target, self._position))
-        if self._cycles_left != 1:
-            scale = 1.0 / self._cycles_left
-            step = [part * scale for part in step]
-        if not any(map(gt, map(abs, step), self._step_limit)):
-            return step, 1.0
+    def _slowed(self, step: list[float]) -> float:
+        """Return the factor, at most 1, that keeps every axis at its velocity."""
         worst = 1.0
         for part, allowed in zip(step, self._step_limit, strict=True):
             if abs(part) > allowed * worst:
                 worst = abs(part) / allowed
-        return step, 1.0 / worst
+        return 1.0 / worst
