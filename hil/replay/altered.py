@@ -1,8 +1,8 @@
-"""Whether a datagram is still what the recorder wrote, and if not, what was changed in it."""
+"""What was changed in a datagram that is not what the recorder wrote."""
 
 import zlib
 from collections.abc import Callable
-from typing import Final, NamedTuple
+from typing import Final
 
 from hil.replay.fields import differences
 from hil.values.errors import MalformedDatagram
@@ -12,28 +12,19 @@ _MOST_BYTES: Final = 2000
 """Longer frames are not searched for the bit."""
 
 
-class Alteration(NamedTuple):
-    """A datagram that was changed after it was recorded."""
-
-    what: str
-    """In words; which bit and which field, where one bit explains it."""
-
-
-def alteration(packet: Packet, decode: Callable[[bytes], object]) -> Alteration | None:
-    """Return what was changed in a datagram, None where nothing was, or the recorder noted no CRC-32 of it."""
+def alteration(packet: Packet, decode: Callable[[bytes], object]) -> str:
+    """Return in words what was changed in a datagram: which bit and which field, where one bit explains it."""
     recorded = packet.place.recorded_crc32
-    if recorded is None or zlib.crc32(packet.frame) == recorded:
-        return None
-    bit = _flipped_bit(packet.frame, recorded)
+    bit = None if recorded is None else _flipped_bit(packet.frame, recorded)
     if bit is None:
-        return Alteration("more than one bit of it was changed after it was recorded")
+        return "more than one bit of it was changed after it was recorded"
     at = bit // 8 - packet.payload_at
     if not 0 <= at < len(packet.payload):
-        return Alteration(f"bit {bit % 8} of byte {bit // 8} of its headers was changed after it was recorded")
+        return f"bit {bit % 8} of byte {bit // 8} of its headers was changed after it was recorded"
     before = bytearray(packet.payload)
     before[at] ^= 1 << (bit % 8)
     where = f"bit {bit % 8} of byte {at} of its payload was changed after it was recorded"
-    return Alteration(where + _fields(bytes(before), packet.payload, decode))
+    return where + _fields(bytes(before), packet.payload, decode)
 
 
 def _fields(before: bytes, now: bytes, decode: Callable[[bytes], object]) -> str:

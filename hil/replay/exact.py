@@ -5,6 +5,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Protocol
+from zlib import crc32
 
 from hil.core.controller import FRI_LINK, Controller
 from hil.core.servo.link import SERVO_LINK
@@ -31,6 +32,7 @@ from transport.fri import FriCodec
 from transport.servo import ServoCodec
 
 _MAX_KEPT_INPUTS = 64
+_MAX_SOURCES = 1024
 
 
 class Sink(Protocol):
@@ -62,6 +64,12 @@ class _Robot:
     departed_ns: int = 0
     cycle: int = -1
     ended: bool = False
+    unix_epoch_ns: int = field(init=False)
+    fri_client: Address | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.unix_epoch_ns = self.start.unix_epoch_ns
+        self.fri_client = self.start.fri_client
 
 
 class ExactReplay:
@@ -85,6 +93,7 @@ class ExactReplay:
         self._pace = pace
         self._robots: list[_Robot] = []
         self._routes: dict[tuple[str, int], tuple[_Robot, str]] = {}
+        self._sources: dict[tuple[str, tuple[str, int]], Source] = {}
         for number, start in enumerate(header.robots):
             config = header.config(number)
             parts = open_parts(config)
@@ -116,28 +125,29 @@ class ExactReplay:
         """Take a datagram: hand it to the core it was sent to, or compare it with what the core said."""
         route = self._routes.get(packet.destination)
         if route is not None:
-            self._input(*route, packet)
+            self._input(route[0], route[1], packet)
             return
         route = self._routes.get(packet.source)
         if route is None:
             self._result.note(f"datagrams between strangers are passed over, the first is packet {packet.place.number}")
             return
-        self._output(*route, packet)
+        self._output(route[0], route[1], packet)
 
     def entry(self, entry: Entry) -> None:
         """Take an entry of the journal."""
+        if type(entry) is TickEntry:
+            self._tick(self._robots[entry.robot], entry)
+            return
         match entry:
-            case TickEntry():
-                self._tick(self._robots[entry.robot], entry)
             case LostEntry(records):
                 self._result.note(
                     f"{records} records are missing at t={self._now_s():.3f} s: the disk did not keep up with the run"
                 )
             case EndEntry():
                 self._result.complete = True
-            case _:
+            case ActionEntry() | CloseEntry() | FailedEntry():
                 self._told(self._robots[entry.robot], entry)
-        if self._sink is not None and not isinstance(entry, TickEntry):
+        if self._sink is not None:
             self._sink.note(entry)
 
     def finish(self) -> None:
@@ -174,7 +184,8 @@ class ExactReplay:
             return
         if self._pace is not None:
             self._pace(entry.due_ns)
-        self._missing(robot)
+        if robot.said:
+            self._missing(robot)
         if robot.inputs_crc32 != entry.inputs_crc32:
             self._inputs_altered(robot)
         controller = robot.controller
@@ -199,16 +210,17 @@ class ExactReplay:
 
     def _input(self, robot: _Robot, link: str, packet: Packet) -> None:
         self._result.inputs += 1
-        at_ns = packet.place.at_unix_ns - robot.start.unix_epoch_ns
-        changed = alteration(packet, robot.decoders.get((link, False), bytes))
-        if changed is not None:
+        at_ns = packet.place.at_unix_ns - robot.unix_epoch_ns
+        recorded = packet.place.recorded_crc32
+        if recorded is not None and recorded != crc32(packet.frame):
             robot.told_altered = True
-            self._result.alter(f"{self._input_in_words(robot, link, packet)}: {changed.what}")
+            what = alteration(packet, robot.decoders.get((link, False), bytes))
+            self._result.alter(f"{self._input_in_words(robot, link, packet)}: {what}")
         robot.inputs_crc32 = inputs_crc32(packet.payload, at_ns, robot.inputs_crc32)
         if len(robot.inputs) < _MAX_KEPT_INPUTS:
             robot.inputs.append(packet)
         if not robot.ended:
-            robot.controller.receive(packet.payload, Source(link, Address(*packet.source)), now_ns=at_ns)
+            robot.controller.receive(packet.payload, self._source(link, packet.source), now_ns=at_ns)
         if self._sink is not None:
             self._sink.put(packet.datagram)
 
@@ -216,11 +228,12 @@ class ExactReplay:
         if robot.ended:
             return
         result = self._result
-        changed = alteration(packet, robot.decoders.get((link, True), bytes))
-        moment = self._moment(robot, packet)
-        if changed is not None:
-            result.alter(f"the controller's datagram at {moment}: {changed.what}")
+        recorded = packet.place.recorded_crc32
+        if recorded is not None and recorded != crc32(packet.frame):
+            what = alteration(packet, robot.decoders.get((link, True), bytes))
+            result.alter(f"the controller's datagram at {self._moment(robot, packet)}: {what}")
         if not robot.said:
+            moment = self._moment(robot, packet)
             result.extra += 1
             result.differ_whole(
                 moment, f"the recording has a datagram on the {link} link that the emulator did not send"
@@ -230,21 +243,35 @@ class ExactReplay:
         result.compared += 1
         if self._watch is not None:
             self._show(robot, link, packet.payload, said)
-        if said.payload == packet.payload and said.link == link:
-            destination = said.destination or robot.start.fri_client
-            if destination == packet.destination:
-                result.identical += 1
-            else:
-                result.differ_whole(moment, f"sent to {destination} instead of {Address(*packet.destination)}")
-            return
+        destination = said.destination or robot.fri_client
+        if said.payload == packet.payload and destination == packet.destination and said.link == link:
+            result.identical += 1
+        else:
+            self._differ(robot, link, packet, said)
+
+    def _differ(self, robot: _Robot, link: str, packet: Packet, said: Outgoing) -> None:
+        result, moment = self._result, self._moment(robot, packet)
         if said.link != link:
             result.differ_whole(moment, f"the emulator sent on the {said.link} link where the recording has {link}")
+            return
+        if said.payload == packet.payload:
+            destination = said.destination or robot.fri_client
+            result.differ_whole(moment, f"sent to {destination} instead of {Address(*packet.destination)}")
             return
         decode = robot.decoders[link, True]
         try:
             result.differ(moment, list(differences(decode(packet.payload), decode(said.payload))))
         except MalformedDatagram as error:
             result.differ_whole(moment, f"the recorded datagram is no message of the {link} link ({error})")
+
+    def _source(self, link: str, sender: tuple[str, int]) -> Source:
+        """Return who sent it; the same object for the same sender, of which a recording has few."""
+        source = self._sources.get((link, sender))
+        if source is None:
+            if len(self._sources) >= _MAX_SOURCES:
+                self._sources.clear()
+            source = self._sources[link, sender] = Source(link, Address(*sender))
+        return source
 
     def _show(self, robot: _Robot, link: str, recorded: bytes, said: Outgoing) -> None:
         if self._watch is None or said.link != link:

@@ -25,6 +25,9 @@ _HEAD_BYTES = 12
 """Type, length and, in a section header, the mark of the byte order; no block is shorter."""
 _MAX_BLOCK_BYTES = 1 << 24
 """What Wireshark accepts; a longer one is a damaged length."""
+_PIECE_BYTES = 1 << 18
+_HEADS = {order: struct.Struct(f"{order}II") for order in "<>"}
+_TAILS = {order: struct.Struct(f"{order}I") for order in "<>"}
 _SECTION_MAGIC = SECTION_HEADER.to_bytes(4, "big")  # reads the same in either byte order
 _BYTE_ORDERS = {b"\x4d\x3c\x2b\x1a": "<", b"\x1a\x2b\x3c\x4d": ">"}
 _CLASSIC_PCAP = {b"\xd4\xc3\xb2\xa1": "<", b"\xa1\xb2\xc3\xd4": ">", b"\x4d\x3c\xb2\xa1": "<", b"\xa1\xb2\x3c\x4d": ">"}
@@ -64,28 +67,36 @@ def read_blocks(file: BinaryIO, path: Path) -> Iterator[Block]:
     yield from _pcapng_blocks(file, path, start)
 
 
-def _pcapng_blocks(file: BinaryIO, path: Path, head: bytes) -> Iterator[Block]:
-    offset = 0
+def _pcapng_blocks(file: BinaryIO, path: Path, buffer: bytes) -> Iterator[Block]:
+    """Cut pieces of the file, each read at once, into blocks; ``buffer`` holds what was read already."""
+    at = before = 0
+    """Where the next block begins in the buffer, and the buffer in the file."""
     byte_order = "<"
-    heads = struct.Struct("<II")
-    tail = struct.Struct("<I")
-    while head:
-        if len(head) < _HEAD_BYTES:
-            raise CaptureError(path, f"truncated: {len(head)} bytes of a block's head are there", offset=offset)
-        if head[:4] == _SECTION_MAGIC:
-            byte_order = _byte_order(head[8:], path, offset)
-            heads, tail = struct.Struct(f"{byte_order}II"), struct.Struct(f"{byte_order}I")
-        kind, size = heads.unpack_from(head)
+    heads, tail = _HEADS[byte_order], _TAILS[byte_order]
+    while True:
+        if at + _HEAD_BYTES > len(buffer):
+            before, buffer, at = before + at, buffer[at:] + file.read(_PIECE_BYTES), 0
+            if not buffer:
+                return
+            if len(buffer) < _HEAD_BYTES:
+                raise CaptureError(path, f"truncated: {len(buffer)} bytes of a block's head are there", offset=before)
+        if buffer.startswith(_SECTION_MAGIC, at):
+            byte_order = _byte_order(buffer[at + 8 : at + 12], path, before + at)
+            heads, tail = _HEADS[byte_order], _TAILS[byte_order]
+        kind, size = heads.unpack_from(buffer, at)
         if not _HEAD_BYTES <= size <= _MAX_BLOCK_BYTES or size % 4:
-            raise CaptureError(path, f"the block is damaged: its length cannot be {size} bytes", offset=offset)
-        data = head + file.read(size - _HEAD_BYTES)
-        if len(data) < size:
-            raise CaptureError(path, f"truncated: {len(data)} of a block's {size} bytes are there", offset=offset)
-        if tail.unpack_from(data, size - 4)[0] != size:
-            raise CaptureError(path, "the block is damaged: length fields do not match", offset=offset)
-        yield Block(offset, kind, byte_order, data)
-        offset += size
-        head = file.read(_HEAD_BYTES)
+            reason = f"the block is damaged: its length cannot be {size} bytes"
+            raise CaptureError(path, reason, offset=before + at)
+        end = at + size
+        if end > len(buffer):
+            before, buffer, at, end = before + at, buffer[at:] + file.read(_PIECE_BYTES + size), 0, size
+            if len(buffer) < size:
+                reason = f"truncated: {len(buffer)} of a block's {size} bytes are there"
+                raise CaptureError(path, reason, offset=before)
+        if tail.unpack_from(buffer, end - 4)[0] != size:
+            raise CaptureError(path, "the block is damaged: length fields do not match", offset=before + at)
+        yield Block(before + at, kind, byte_order, buffer[at:end])
+        at = end
 
 
 def _classic_blocks(file: BinaryIO, path: Path, start: bytes) -> Iterator[Block]:

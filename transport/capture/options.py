@@ -21,7 +21,10 @@ _CRC32: Final = b"\x02"
 _HEAD: Final = struct.Struct("<HH")
 _HEADS: Final = {order: struct.Struct(f"{order}HH") for order in "<>"}
 _OWN_HASH: Final = _HEAD.pack(HASH, 5) + _CRC32
+_OWN_CRC32: Final = struct.Struct(">I")
 _OWN_HASH_BYTES: Final = 12
+_OWN_END_BYTES: Final = 8
+"""The option that ends them, and the length at the end of the block."""
 MAX_NOTES_BYTES: Final = 65_535 - len(_NOTES_MARK)
 
 
@@ -41,19 +44,21 @@ def notes_option(notes: bytes) -> bytes:
     return option(CUSTOM_NOT_COPIED, _NOTES_MARK + notes)
 
 
-def own_packet_options(data: bytes, at: int, end: int) -> tuple[int, bytes] | None:
-    """Return CRC-32 and notes of options as :func:`packet_options` lays them out; None for others."""
-    if data[at : at + len(_OWN_HASH)] != _OWN_HASH:
+def own_packet_options(block: bytes, at: int) -> tuple[int, bytes] | None:
+    """Return CRC-32 and notes of a block's options as :func:`packet_options` lays them out; None for others."""
+    if not block.startswith(_OWN_HASH, at) or len(block) < at + _OWN_HASH_BYTES + _OWN_END_BYTES:
         return None
-    crc32 = int.from_bytes(data[at + 5 : at + 9], "big")
+    (crc32,) = _OWN_CRC32.unpack_from(block, at + len(_OWN_HASH))
     at += _OWN_HASH_BYTES
-    if end - at <= _HEAD.size:
+    if len(block) - at == _OWN_END_BYTES:
         return crc32, b""
-    code, size = _HEAD.unpack_from(data, at)
+    code, size = _HEAD.unpack_from(block, at)
     start = at + _HEAD.size
-    if code != CUSTOM_NOT_COPIED or start + size > end or not data.startswith(_NOTES_MARK, start):
+    if code != CUSTOM_NOT_COPIED or not block.startswith(_NOTES_MARK, start):
         return None
-    return crc32, data[start + len(_NOTES_MARK) : start + size]
+    if start + size + -size % 4 + _OWN_END_BYTES != len(block):
+        return None
+    return crc32, block[start + len(_NOTES_MARK) : start + size]
 
 
 def read_options(data: bytes, byte_order: str) -> Iterator[tuple[int, bytes]]:

@@ -44,10 +44,10 @@ _OWN_BLOCK: Final = struct.Struct("<8xIIIII")
 _OWN_HEADERS: Final = struct.Struct("!12xHBxHxxHxB14xH")
 _OWN_ROUTE: Final = slice(_PACKET_START + 26, _PACKET_START + 38)
 """Addresses and ports, which lie side by side."""
-_PLAIN_UDP: Final = (0x0800, 0x45, 0, 17)
-"""IPv4 without options, in one piece, UDP."""
+_IPV4: Final = 0x0800
+_IPV4_NO_OPTIONS: Final = 0x45
+_UDP: Final = 17
 _OWN_BYTES: Final = _PACKET_START + _OWN_PAYLOAD_AT + _BLOCK_END_BYTES
-_OWN_OPTIONS_BYTES: Final = 16
 _VERSION_MAJOR: Final = 1
 _PACKET_KINDS: Final = frozenset({PACKET, OLD_PACKET, SIMPLE_PACKET, CLASSIC_PACKET})
 _OPTIONS_AT: Final = {SECTION_HEADER: 24, INTERFACE: 16, STATISTICS: 20}
@@ -59,10 +59,10 @@ class _Interface(NamedTuple):
     link_type: int
     ticks_per_s: int
     offset_s: int
+    in_unix_ns: bool
+    """Whether its ticks are nanoseconds since 1970."""
 
     def unix_ns(self, ticks: int) -> int:
-        if self.ticks_per_s == _NS_PER_S and not self.offset_s:
-            return ticks
         return self.offset_s * _NS_PER_S + ticks * _NS_PER_S // self.ticks_per_s
 
 
@@ -204,14 +204,14 @@ def _interface(block: Block, path: Path) -> _Interface:
             ticks_per_s = base ** (content[0] & 0x7F)
         elif code == options.TIME_OFFSET:
             offset_s = int.from_bytes(content, "little" if block.byte_order == "<" else "big", signed=True)
-    return _Interface(link_type, ticks_per_s, offset_s)
+    return _Interface(link_type, ticks_per_s, offset_s, ticks_per_s == _NS_PER_S and not offset_s)
 
 
 def _classic_interface(block: Block) -> _Interface:
     (link_type,) = struct.unpack_from(f"{block.byte_order}I", block.data, 20)
     nanoseconds = block.data[:4] in CLASSIC_NANOSECONDS
     # The upper bits tell of a check sequence at the end of frames, which no datagram contains.
-    return _Interface(link_type & 0xFFFF, _NS_PER_S if nanoseconds else _DEFAULT_TICKS_PER_S, 0)
+    return _Interface(link_type & 0xFFFF, _NS_PER_S if nanoseconds else _DEFAULT_TICKS_PER_S, 0, nanoseconds)
 
 
 _PACKET_HEADS: Final = {
@@ -260,19 +260,15 @@ class _Section:
             return None
         interface_id, high, low, captured, full = _OWN_BLOCK.unpack_from(data)
         ethertype, version, total, fragment, protocol, length = _OWN_HEADERS.unpack_from(data, _PACKET_START)
-        options_at = _PACKET_START + captured + -captured % 4
-        if (
-            (ethertype, version, fragment, protocol) != _PLAIN_UDP
-            or captured != full
-            or captured != total + _ETHERNET_BYTES
-            or total != length + _IP_BYTES
-            or len(data) < options_at + _OWN_OPTIONS_BYTES
-            or interface_id >= len(self._interfaces)
-            or self._interfaces[interface_id].link_type != LINK_ETHERNET
-        ):
+        if ethertype != _IPV4 or version != _IPV4_NO_OPTIONS or fragment or protocol != _UDP:
             return None
-        found = options.own_packet_options(data, options_at, len(data) - _BLOCK_END_BYTES)
-        if found is None:
+        if captured != full or captured != total + _ETHERNET_BYTES or total != length + _IP_BYTES:
+            return None
+        found = options.own_packet_options(data, _PACKET_START + captured + -captured % 4)
+        if found is None or interface_id >= len(self._interfaces):
+            return None
+        interface = self._interfaces[interface_id]
+        if interface.link_type != LINK_ETHERNET:
             return None
         route = data[_OWN_ROUTE]
         ends = self._routes.get(route)
@@ -280,9 +276,13 @@ class _Section:
             ends = endpoints_of(route)
             if len(self._routes) < _MAX_ROUTES:
                 self._routes[route] = ends
-        place = Place(number, block.offset, self._interfaces[interface_id].unix_ns(high << 32 | low), found[0])
-        frame = data[_PACKET_START : _PACKET_START + captured]
-        return Packet(place, *ends, frame[_OWN_PAYLOAD_AT:], frame, _OWN_PAYLOAD_AT), found[1]
+        end = _PACKET_START + captured
+        at_unix_ns = high << 32 | low
+        if not interface.in_unix_ns:
+            at_unix_ns = interface.unix_ns(at_unix_ns)
+        place = Place(number, block.offset, at_unix_ns, found[0])
+        payload = data[_PACKET_START + _OWN_PAYLOAD_AT : end]
+        return Packet(place, ends[0], ends[1], payload, data[_PACKET_START:end], _OWN_PAYLOAD_AT), found[1]
 
     def _classic(self, block: Block, number: int) -> Packet | None:
         seconds, fraction, captured, full = struct.unpack_from(f"{block.byte_order}IIII", block.data)
