@@ -28,6 +28,11 @@ class FileRecorder:
         """Record one entry of the journal."""
         self._writer.note(entry)
 
+    def close(self) -> None:
+        """Complete the file."""
+        self._writer.note(encode_entry(EndEntry()))
+        self._writer.close()
+
     def __enter__(self) -> Self:
         return self
 
@@ -35,5 +40,6 @@ class FileRecorder:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         if error is None:
-            self._writer.note(encode_entry(EndEntry()))
-        self._writer.close()
+            self.close()
+        else:
+            self._writer.close()

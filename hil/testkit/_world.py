@@ -8,16 +8,20 @@ import math
 import threading
 from collections import deque
 from collections.abc import Callable
+from pathlib import Path
 from typing import Final, NamedTuple, TypeAlias
 
 from hil.client._machine import DatagramSocket
 from hil.client.servo._link import Link
-from hil.config.station import RobotConfig
+from hil.config.station import RobotConfig, Station
 from hil.core.controller import FRI_LINK
 from hil.core.events import Event
 from hil.core.servo.link import SERVO_LINK
 from hil.core.settings import NS_PER_MS
+from hil.replay.header import CaptureHeader, RobotStart
+from hil.replay.recorder import FileRecorder
 from hil.runtime.assembly import link_addresses, make_controller, open_parts
+from hil.runtime.journal import RobotJournal
 from hil.testkit._network import Arrived, VirtualNetwork
 from hil.testkit._pump import VirtualPump
 from hil.testkit._schedule import Order, Schedule
@@ -25,6 +29,7 @@ from hil.testkit._sockets import VirtualSocket
 from hil.testkit.errors import VirtualTimeOver
 from hil.values.errors import EndpointError, UsageError
 from hil.values.link import Address, Outgoing, Source
+from hil.values.operator import OperatorAction
 from transport.impairment import Direction
 from transport.udp import ANY_HOST
 
@@ -35,6 +40,8 @@ LATENCY_NS: Final = 100_000
 MOST_EVENTS: Final = 10_000
 _TOKEN_SECRET: Final = bytes(range(32))
 _FIRST_PORT: Final = 40_001
+_FRI_BOUND_PORT: Final = 30_210
+"""Where a recording has the controller's end of FRI, unless the station says."""
 
 Route: TypeAlias = "Source | VirtualSocket"
 """Where a datagram goes: to the controller, from a source; or to a socket."""
@@ -56,7 +63,7 @@ class World:
     Raises :class:`VirtualTimeOver` in whoever waits longer than ``limit_s`` allows. Of one thread.
     """
 
-    def __init__(self, config: RobotConfig, *, limit_s: float) -> None:
+    def __init__(self, config: RobotConfig, *, limit_s: float, capture: Path | None = None) -> None:
         addresses = link_addresses(config)
         self.config = config
         self.parts = open_parts(config)
@@ -74,6 +81,13 @@ class World:
         self.in_virtual_loop = False
         self.fri_peer = None if addresses.fri is None else addresses.fri.peer
         self.servo_address = addresses.servo
+        self.journal = RobotJournal(0)
+        self._bound: dict[str, Address] = {}
+        if addresses.fri is not None:
+            self._bound[FRI_LINK] = addresses.fri.bind._replace(port=addresses.fri.bind.port or _FRI_BOUND_PORT)
+        if addresses.servo is not None:
+            self._bound[SERVO_LINK] = addresses.servo
+        self._recorder = None if capture is None else self._record(capture)
         self._cycle_ns = config.cycle_ms * NS_PER_MS
         self._next_cycle_ns = 0
         self._limit_ns = math.ceil(limit_s * 1e9)
@@ -157,6 +171,31 @@ class World:
             sock.close()
         self._services.clear()
         self.parts.backend.close()
+        if self._recorder is not None:
+            self._recorder.close()
+            self._recorder = None
+
+    def operate(self, action: OperatorAction) -> str:
+        """Do what the operator does, now; return why that changes nothing, or an empty text."""
+        self.journal.operated(action, at_ns=self.now_ns)
+        return self.core.operate(action, now_ns=self.now_ns)
+
+    def shut_down(self) -> None:
+        """Ask the controller to end."""
+        self.journal.closed(at_ns=self.now_ns)
+        self.core.close(now_ns=self.now_ns)
+
+    def _record(self, file: Path) -> FileRecorder:
+        start = RobotStart(
+            name=self.config.name,
+            unix_epoch_ns=UNIX_EPOCH_NS,
+            fri_peer=self.fri_peer,
+            bound=dict(self._bound),
+            token_secret=_TOKEN_SECRET.hex(),
+        )
+        recorder = FileRecorder(file, CaptureHeader.of_run(Station(robot=[self.config]), (start,)))
+        self.journal.record_to(recorder, unix_epoch_ns=UNIX_EPOCH_NS)
+        return recorder
 
     def _open(self, link: str, local: Address, peer: Address, *, connected: bool) -> VirtualSocket:
         self._numbers += 1
@@ -195,8 +234,11 @@ class World:
         self._next_cycle_ns += self._cycle_ns
         self._carry_out()
         core.tick(now_ns=now_ns)
+        self.journal.ticked(due_ns=now_ns, lateness_ns=0, departed_ns=now_ns)
         for outgoing in core.outgoing(now_ns=now_ns):
-            sock = self._sockets.get(self._destination(outgoing))
+            link, destination = self._destination(outgoing)
+            self.journal.sent(outgoing.payload, self._bound[link], destination, at_ns=now_ns)
+            sock = self._sockets.get((link, destination))
             # What nobody hears is no packet of the application's, and no fault should be spent on it.
             if sock is not None:
                 self.network.send(outgoing.payload, Direction.TO_PEER, sock, now_ns=now_ns)
@@ -210,6 +252,7 @@ class World:
         route = arrived.route
         if isinstance(route, Source):
             self.core.receive(arrived.datagram, route, now_ns=arrived.at_ns)
+            self.journal.received(arrived.datagram, route.address, self._bound[route.link], at_ns=arrived.at_ns)
         elif not route.closed:
             route.put(arrived.datagram)
 

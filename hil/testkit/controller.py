@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Callable, Coroutine, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import Any, TypeVar
 
 from backends.robots import load_pinocchio
@@ -38,14 +39,15 @@ _T = TypeVar("_T")
 class VirtualController:
     """The controller of one robot. Times are in seconds since its first cycle, and are virtual.
 
+    ``capture`` is a file that records it, for Wireshark and ``hil replay``.
     Inside :meth:`active`, clients of :mod:`hil.client` find this controller at any address with the right port.
     """
 
-    def __init__(self, config: RobotConfig, *, limit_s: float = 120.0) -> None:
+    def __init__(self, config: RobotConfig, *, limit_s: float = 120.0, capture: Path | None = None) -> None:
         if not math.isfinite(limit_s) or limit_s <= 0.0:
             raise ConfigurationError(f"a limit of {limit_s} s of virtual time; more than 0 s is needed")
         self.config = config
-        self._world = World(config, limit_s=limit_s)
+        self._world = World(config, limit_s=limit_s, capture=capture)
         self._operator = _VirtualOperator(self._world)
         self._arm: ArmModel | None = None
 
@@ -115,7 +117,7 @@ class VirtualController:
 
     def shut_down(self) -> None:
         """End the controller in order: the arm brakes, all sessions are closed. Clients see that."""
-        self._world.core.close(now_ns=self._world.now_ns)
+        self._world.shut_down()
 
     # What there is to see
 
@@ -274,6 +276,6 @@ class _VirtualOperator(Operator):
         self._world = world
 
     def _do(self, action: OperatorAction) -> None:
-        refusal = self._world.core.operate(action, now_ns=self._world.now_ns)
+        refusal = self._world.operate(action)
         if refusal:
             raise PadRefused(refusal, {})

@@ -132,10 +132,8 @@ def hil_controller(request: pytest.FixtureRequest) -> Iterator["VirtualControlle
     from hil.testkit.controller import VirtualController
 
     chosen = _chosen(request)
-    if chosen.station.capture is not None:
-        raise pytest.UsageError("hil_controller records no capture; hil_process does")
     item, stash = request.node, request.node.stash
-    controller = VirtualController(chosen.robot, limit_s=chosen.limit_s)
+    controller = VirtualController(chosen.robot, limit_s=chosen.limit_s, capture=chosen.station.capture)
     with controller.active():
         repetition = stash.get(REPETITION, None)
         if repetition is not None:

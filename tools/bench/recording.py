@@ -77,7 +77,7 @@ class VirtualRun:
                 self.cycle()
                 if self.controller.closed:
                     break
-            self.recorder.__exit__(None, None, None)
+            self.recorder.close()
         finally:
             self._parts.backend.close()
 
