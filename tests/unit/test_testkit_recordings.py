@@ -38,7 +38,7 @@ def test_a_servo_program_in_a_bad_network(tmp_path: Path, seed: int) -> None:
             motion = SmartServo()
             robot.move_async(motion)
             motion.get_runtime().set_destination((*NEAR[:6], 0.1))
-            controller.run(0.3)
+            controller.run(1.0)
         controller.shut_down()
         controller.run(0.5)
     result = replay_file(file)
