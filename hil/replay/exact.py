@@ -11,9 +11,9 @@ from hil.core.controller import FRI_LINK, Controller
 from hil.core.servo.link import SERVO_LINK
 from hil.replay.altered import alteration
 from hil.replay.fields import differences
-from hil.replay.header import CaptureHeader, RobotStart
 from hil.replay.result import Moment, ReplayResult, Watcher
 from hil.runtime.assembly import RobotParts, make_controller, open_parts
+from hil.runtime.capture_header import CaptureHeader, RobotStart
 from hil.runtime.pad_requests import read_request
 from hil.values.errors import BackendError, MalformedDatagram
 from hil.values.link import Address, Outgoing, Source

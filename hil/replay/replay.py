@@ -14,8 +14,8 @@ from hil.core.controller import FRI_LINK
 from hil.replay.elsewhere import Beside
 from hil.replay.exact import ExactReplay
 from hil.replay.guess import Flow, flow_of
-from hil.replay.header import ARITHMETIC, CaptureHeader, read_header
 from hil.replay.result import ReplayResult, Watcher
+from hil.runtime.capture_header import ARITHMETIC, CaptureHeader, read_header
 from hil.values.errors import MalformedDatagram, UsageError
 from hil.values.fri import Release
 from hil.values.link import Address

@@ -13,7 +13,7 @@ from typing import Final, Protocol
 
 from hil.config.ring import RingSize, parse_ring
 from hil.config.station import Station
-from hil.replay.header import CaptureHeader, RobotStart
+from hil.runtime.capture_header import CaptureHeader, RobotStart
 from hil.runtime.journal import Recorder
 from hil.values.errors import HilError
 from transport.capture.batches import Ring

@@ -10,8 +10,8 @@ from hil.core.controller import FRI_LINK, Controller, operator_report
 from hil.core.events import DrivesChanged, Event
 from hil.core.servo.link import SERVO_LINK
 from hil.core.settings import NS_PER_MS
-from hil.replay.header import RobotStart
 from hil.runtime.assembly import TOKEN_SECRET_BYTES, LinkAddresses, RobotParts, make_controller, open_parts
+from hil.runtime.capture_header import RobotStart
 from hil.runtime.journal import Recorder, RobotJournal
 from hil.runtime.measurements import RunMeasurements
 from hil.runtime.pacer import Pacer, Tick, open_pacer

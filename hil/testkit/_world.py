@@ -18,9 +18,9 @@ from hil.core.controller import FRI_LINK
 from hil.core.events import Event
 from hil.core.servo.link import SERVO_LINK
 from hil.core.settings import NS_PER_MS
-from hil.replay.header import CaptureHeader, RobotStart
-from hil.replay.recorder import FileRecorder
 from hil.runtime.assembly import link_addresses, make_controller, open_parts
+from hil.runtime.capture_header import CaptureHeader, RobotStart
+from hil.runtime.file_recorder import FileRecorder
 from hil.runtime.journal import RobotJournal
 from hil.testkit._network import Arrived, VirtualNetwork
 from hil.testkit._pump import VirtualPump

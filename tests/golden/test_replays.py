@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from hil.arithmetic import arithmetic_fingerprint
-from hil.replay.header import ARITHMETIC
 from hil.replay.replay import replay_file
 from hil.replay.result import ReplayResult
+from hil.runtime.capture_header import ARITHMETIC
 from tests.support.captures import FOLDER, files
 from tests.support.recordings import header_of
 from tools.goldens import GOLDENS, parting, write_golden

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from hil.config.station import FriConfig, RobotConfig, ServoConfig
-from hil.replay.header import CaptureHeader, read_header
+from hil.runtime.capture_header import CaptureHeader, read_header
 from hil.values.fri import Release
 from tools.bench.clients import BenchMotion, recorded_client
 from tools.bench.recording import VirtualRun

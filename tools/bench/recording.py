@@ -8,9 +8,9 @@ from typing import Final
 from hil.config.station import RobotConfig, Station
 from hil.core.controller import FRI_LINK, Controller
 from hil.core.servo.link import SERVO_LINK
-from hil.replay.header import CaptureHeader, RobotStart
-from hil.replay.recorder import FileRecorder
 from hil.runtime.assembly import make_controller, open_parts
+from hil.runtime.capture_header import CaptureHeader, RobotStart
+from hil.runtime.file_recorder import FileRecorder
 from hil.runtime.journal import RobotJournal
 from hil.values.link import Address, Source
 from hil.values.operator import OperatorAction

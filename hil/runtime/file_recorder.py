@@ -4,7 +4,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from hil.replay.header import CaptureHeader
+from hil.runtime.capture_header import CaptureHeader
 from hil.values.link import Address
 from transport.capture.journal import EndEntry, encode_entry
 from transport.capture.records import CapturedDatagram
