@@ -118,6 +118,37 @@ def controller(
         raise typer.Exit(1)
 
 
+@app.command()
+def servo_controller(
+    file: Capture,
+    bind: Annotated[
+        str, typer.Option(metavar="ADDR[:PORT]", help="Where the live application connects to.")
+    ] = "127.0.0.1:30300",
+    servo_key: Annotated[Path | None, typer.Option(metavar="FILE", help="Pre-shared key of the servo link.")] = None,
+    json_file: Json = None,
+) -> None:
+    """Speak to a live application as the recorded controller did, and compare its requests with the recorded ones.
+
+    Exit code 0: every request is the recorded one; 1: not.
+    """
+    from hil.replay.live import controller_address, controller_against_application
+    from transport.servo import ServoCodec, load_key
+
+    codec = ServoCodec(None if servo_key is None else load_key(servo_key))
+    played, result = controller_against_application(file, bind=controller_address(bind), codec=codec)
+    if result.equal:
+        typer.echo(f"{played.sent} packets sent as recorded; all {result.identical} requests are those recorded")
+    else:
+        whole = result.compared + result.extra + result.missing
+        typer.echo(
+            f"{played.sent} packets sent as recorded; {result.identical} of {whole} requests are those recorded; "
+            f"the first that is not: {result.first}"
+        )
+    _write(json_file, {"sent": played.sent, **result.as_dict()})
+    if not result.equal:
+        raise typer.Exit(1)
+
+
 def _write(file: Path | None, told: dict[str, object]) -> None:
     if file is not None:
         file.write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")

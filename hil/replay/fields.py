@@ -58,12 +58,15 @@ class FieldDifference(NamedTuple):
             return None
         return float(self.emulated) - float(self.recorded)  # type: ignore[arg-type]
 
-    def __str__(self) -> str:
+    def told(self, other: str = "emulator") -> str:
+        """Return it in words; ``other`` is who was compared with the recording."""
         change = self.change
-        told = f"{self.name}: recorded {_shown(self.recorded)}, emulator {_shown(self.emulated)}"
         if change is None or not isinstance(self.recorded, float):
-            return told
-        return f"{self.name} {_with_unit(change, self.unit)} (recorded {self.recorded!r}, emulator {self.emulated!r})"
+            return f"{self.name}: recorded {_shown(self.recorded)}, {other} {_shown(self.emulated)}"
+        return f"{self.name} {_with_unit(change, self.unit)} (recorded {self.recorded!r}, {other} {self.emulated!r})"
+
+    def __str__(self) -> str:
+        return self.told()
 
 
 def differences(recorded: object, emulated: object) -> Iterator[FieldDifference]:

@@ -13,6 +13,7 @@ from hil.replay.result import ReplayResult
 from hil.replay.stand_in_application import RecordedApplication
 from hil.replay.stand_in_client import RecordedClient
 from hil.replay.stand_in_controller import RecordedController
+from hil.replay.stand_in_servo import RecordedServoController
 from hil.values.errors import EndpointError, MalformedDatagram, UsageError
 from hil.values.link import Address
 from hil.values.servo import SERVO_PORT, Hello
@@ -52,7 +53,7 @@ def controller_against_client(
 ) -> tuple[RecordedController, ReplayResult]:
     """Speak to the FRI client at ``client`` as the recorded controller did, and compare its answers."""
     flow = _only_flow(file, wish)
-    result = ReplayResult(str(file), own=True, complete=True)
+    result = ReplayResult(str(file), own=True, other="client", complete=True)
     controller = RecordedController(flow, packets_of(file), result)
     clock = MonotonicClock()
     began_ns = clock.now_ns()
@@ -95,6 +96,39 @@ def application_against_controller(file: Path, *, controller: Address, codec: Se
                 silence.restart()
                 application.receive(arrived[0], now_ns=clock.now_ns())
     return application
+
+
+def controller_against_application(
+    file: Path, *, bind: Address, codec: ServoCodec
+) -> tuple[RecordedServoController, ReplayResult]:
+    """Speak to the application that connects to ``bind`` as the recorded controller did; compare what it asks for."""
+    recorded_client, recorded_controller = _application_route(file, codec)
+    result = ReplayResult(str(file), own=True, other="application", complete=True)
+    controller = RecordedServoController(
+        packets_of(file), client=recorded_client, controller=recorded_controller, codec=codec, result=result
+    )
+    clock, silence = MonotonicClock(), Deadline(_SILENCE_S)
+    with _socket(bind) as sock:
+        while not controller.over and not controller.left:
+            left = silence.left_s() or 0.0
+            if left <= 0:
+                break
+            due_ns = controller.next_due_ns()
+            if due_ns is not None:
+                left = min(left, max(0.0, (due_ns - clock.now_ns()) * 1e-9))
+            arrived = _next_datagram(sock, left)
+            if arrived is not None:
+                silence.restart()
+                answer = controller.receive(*arrived, now_ns=clock.now_ns())
+                if answer is not None:
+                    _send(sock, answer, arrived[1])
+            if controller.peer is not None:
+                for datagram in controller.due(now_ns=clock.now_ns()):
+                    _send(sock, datagram, controller.peer)
+    controller.finish()
+    if controller.peer is None:
+        raise EndpointError(f"no application said hello at {bind} within {_SILENCE_S:g} s")
+    return controller, result
 
 
 def controller_address(text: str) -> Address:

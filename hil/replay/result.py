@@ -72,6 +72,8 @@ class ReplayResult:
     file: str
     own: bool
     """Whether the recording holds all inputs of one of our controllers from its start on."""
+    other: str = "emulator"
+    """Who is compared with the recording."""
     inputs: int = 0
     compared: int = 0
     identical: int = 0
@@ -180,7 +182,7 @@ class ReplayResult:
                 tally = self.fields[one.name] = FieldTally(moment, one)
             tally.add(one)
         if not self.first:
-            what = str(found[0]) if found else "the same fields in other bytes"
+            what = found[0].told(self.other) if found else "the same fields in other bytes"
             more = f" and {len(found) - 1} more" if len(found) > 1 else ""
             self.first = f"{what} at {moment}{more}"
 

@@ -14,7 +14,9 @@ import pytest
 
 from hil.client.pad import PadClient
 from hil.client.servo import ServoClient, SmartServo
+from hil.config.station import RobotConfig
 from hil.replay.replay import replay_file
+from hil.testkit import VirtualController
 from tests.support.cli import cli
 from tests.support.processes import ROOT, Ended, finish, hil, own_host, wait_for_line
 from tests.support.recordings import flip_bit, header_of, packets, records
@@ -313,6 +315,34 @@ def test_a_recorded_application_moves_a_live_controller(tmp_path: Path) -> None:
     assert robot["servo"]["requests_taken"] > 150
     assert robot["servo"]["motions_begun"] == 1
     assert abs(robot["measured_position"][3] - robot["initial_position"][3]) > 1e-4
+
+
+PROGRAM = """
+import sys
+from hil.client.servo import PTP, ServoClient
+a4 = float(sys.argv[2])
+with ServoClient(sys.argv[1]) as robot:
+    robot.move(PTP((0.02, 0.5, 0.0, a4, 0.0, 1.5, 0.0)))
+    robot.move(PTP((0.04, 0.5, 0.0, a4, 0.0, 1.5, 0.0)))
+"""
+
+
+@pytest.mark.parametrize(("a4", "code"), [(0.7, 0), (0.72, 1)])
+def test_a_recorded_controller_asks_a_live_application(tmp_path: Path, a4: float, code: int) -> None:
+    file, at = tmp_path / "run.pcapng", f"{own_host()}:30300"
+    recorded = VirtualController(RobotConfig.model_validate({"backend": "ideal", "servo": {}}), capture=file)
+    with recorded.active(), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["", "anywhere", "0.7"])
+        exec(PROGRAM, {})  # noqa: S102  # the very program that is run below
+        recorded.run(0.2)
+    application = subprocess.Popen([sys.executable, "-c", PROGRAM, at, str(a4)], cwd=ROOT)
+    ended = cli("stand-in", "servo-controller", file, "--bind", at)
+    assert application.wait(timeout=20) == 0
+    assert ended.code == code, ended
+    if code:
+        assert "A4 destination +20 mrad (recorded 0.7, application 0.72)" in ended.out
+    else:
+        assert "requests are those recorded" in ended.out
 
 
 def test_nobody_there_is_one_sentence(tmp_path: Path) -> None:
