@@ -319,8 +319,8 @@ def default_bind(peer: Address) -> Address:
         return Address(sock.getsockname()[0], peer.port)
 
 
-def parse_address(text: str, *, default_port: int) -> Address:
-    """Return ``HOST[:PORT]`` with the host resolved to IPv4; raise :class:`ConfigurationError`."""
+def parse_address(text: str, *, default_port: int, resolve: bool = True) -> Address:
+    """Return ``HOST[:PORT]`` with the host resolved to IPv4, unless told not to; raise :class:`ConfigurationError`."""
     if text.count(":") > 1:
         raise ConfigurationError(f"{text!r}: the links run over IPv4; give HOST or HOST:PORT")
     host, colon, port_text = text.partition(":")
@@ -332,6 +332,8 @@ def parse_address(text: str, *, default_port: int) -> Address:
         raise ConfigurationError(f"{text!r}: the port {port_text!r} is no number")
     if not 0 <= port <= 65535:
         raise ConfigurationError(f"{text!r}: port {port} is outside 0..65535")
+    if not resolve:
+        return Address(host, port)
     try:
         return Address(socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_DGRAM)[0][4][0], port)  # type: ignore[arg-type]
     except (socket.gaierror, UnicodeError):

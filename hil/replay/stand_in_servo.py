@@ -1,11 +1,12 @@
 """A recorded controller of the servo link that speaks to a live application: sans-I/O, times are arguments.
 
 Its states leave when they left in the recording, counted from the application's hello, and the session is the recorded
-one, token and all. What the application asks for is compared request by request with what was recorded.
+one, token and all; a state that says a request is done waits until the application has asked for it. What the
+application asks for is compared request by request with what was recorded.
 """
 
 from collections.abc import Iterator
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple
 
 from hil.replay.fields import differences
 from hil.replay.result import Moment, ReplayResult
@@ -17,7 +18,16 @@ from transport.servo import ServoCodec
 
 _REMEMBERED: Final = 1024
 
-_Due: TypeAlias = tuple[int, bytes]
+_PATIENCE_NS: Final = 1_000_000_000
+"""How long the recording stands still for a live application that is slower than the recorded one."""
+
+
+class _Due(NamedTuple):
+    """A datagram of the recording: when it leaves [ns since the hello], and requests it says are done."""
+
+    at_ns: int
+    datagram: bytes
+    requests_done: int
 
 
 class RecordedServoController:
@@ -46,6 +56,8 @@ class RecordedServoController:
         self._states = self._own(packets)
         self._next: _Due | None = None
         self._began_ns: int | None = None
+        self._waits = False
+        """Whether the recording stands still for the application."""
         self.peer: Address | None = None
         """Where the live application is; there once it said hello."""
         self.sent = self.malformed = 0
@@ -59,14 +71,24 @@ class RecordedServoController:
 
     def next_due_ns(self) -> int | None:
         """Return when :meth:`due` has something to send next; None before a hello, and when there is no more."""
-        return None if self._began_ns is None or self._next is None else self._began_ns + self._next[0]
+        if self._began_ns is None or self._next is None:
+            return None
+        due_ns = self._began_ns + self._next.at_ns
+        return due_ns + _PATIENCE_NS if self._next.requests_done > self._newest else due_ns
 
     def due(self, *, now_ns: int) -> list[bytes]:
         """Return the datagrams that are due."""
         datagrams = []
-        while self._began_ns is not None and self._next is not None and self._began_ns + self._next[0] <= now_ns:
-            datagrams.append(self._next[1])
-            self._result.recorded_s = self._result.reached_s = self._next[0] / 1e9
+        while self._began_ns is not None and self._next is not None and now_ns >= self._began_ns + self._next.at_ns:
+            late_ns = now_ns - self._began_ns - self._next.at_ns
+            if self._next.requests_done > self._newest and late_ns < _PATIENCE_NS:
+                self._waits = True
+                break
+            if self._waits:
+                self._began_ns += late_ns
+                self._waits = False
+            datagrams.append(self._next.datagram)
+            self._result.recorded_s = self._result.reached_s = self._next.at_ns / 1e9
             self._next = next(self._states, None)
         self.sent += len(datagrams)
         return datagrams
@@ -139,7 +161,8 @@ class RecordedServoController:
                 elif route == (controller, client) and self._hello_unix_ns is not None:
                     value = self._codec.decode_from_controller(packet.payload)
                     if self._belongs(value):
-                        yield packet.place.at_unix_ns - self._hello_unix_ns, packet.payload
+                        done = value.requests_done if isinstance(value, State) else 0
+                        yield _Due(packet.place.at_unix_ns - self._hello_unix_ns, packet.payload, done)
             except MalformedDatagram:
                 continue
 

@@ -82,7 +82,7 @@ class Raise(FriHandler):
 def servo_program() -> list[float]:
     """A program with a PTP, and a SmartServo with destinations; the times it sees, in s."""
     seen = []
-    with ServoClient("192.168.0.10", name="a program") as robot:
+    with ServoClient("my-cabinet.example", name="a program") as robot:
         robot.move(PTP(raised(0.1)))
         motion = SmartServo()
         robot.move_async(motion)

@@ -236,7 +236,8 @@ def open_loop_socket(controller: Address) -> DatagramSocket:
 
 def address_of(controller: str) -> Address:
     """Return the address of ``HOST[:PORT]``; raise :class:`ConfigurationError`."""
-    address = parse_address(controller, default_port=SERVO_PORT)
+    # On a virtual machine every name is that of its controller, and no name server is asked.
+    address = parse_address(controller, default_port=SERVO_PORT, resolve=virtual_machine() is None)
     if address.port == 0:
         raise ConfigurationError(f"{controller!r}: a controller has a port of its own, 1..65535")
     return address
