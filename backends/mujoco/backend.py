@@ -11,6 +11,7 @@ is what the position controller asks for; MuJoCo cuts off what a motor cannot gi
 elasticity, gear friction, sensor offset, position noise.
 """
 
+from struct import Struct
 from typing import TYPE_CHECKING
 
 import mujoco
@@ -22,7 +23,7 @@ from backends.mujoco.load import hang
 from backends.mujoco.pushes import Pushes
 from backends.mujoco.torque_sensors import TorqueSensors
 from backends.robots import load_mujoco
-from hil.values.arm import ArmState, Capabilities, JointCommand, Push
+from hil.values.arm import ArmState, Capabilities, JointCommand, Push, seven
 from hil.values.errors import BackendError
 from hil.values.load import NO_LOAD, Load
 from hil.values.robot import JOINT_COUNT, RobotDescription, Seven
@@ -31,11 +32,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _STEP_NS = 1_000_000
-_NOT_ESTIMATED: Seven = (0.0,) * JOINT_COUNT  # type: ignore[assignment]
+_STILL: Seven = (0.0,) * JOINT_COUNT  # type: ignore[assignment]
+_NOT_ESTIMATED = _STILL
 
 LOOP_FREQUENCY_RAD_S = 150.0
 """Natural frequency of the position loop. Ours: 20 N at the flange deflect no robot by 0.2 mm in a regular pose, and at
 1 kHz the discrete loop is well damped."""
+_SPRING = LOOP_FREQUENCY_RAD_S * LOOP_FREQUENCY_RAD_S
+_DAMPER = 2.0 * LOOP_FREQUENCY_RAD_S
+_ACCELERATION = Struct(f"{JOINT_COUNT}d")
 
 
 class MujocoBackend(InProcessBackend):
@@ -71,11 +76,10 @@ class MujocoBackend(InProcessBackend):
         self._time = 0.0
         self._torque = np.zeros(JOINT_COUNT)
         self._acceleration = np.zeros(JOINT_COUNT)
-        self._damping = np.zeros(JOINT_COUNT)
-        self._from = self._to = self._position.copy()
+        self._acceleration_memory = self._acceleration.data.cast("B")
+        self._from = self._to = description.initial_position_rad
         self._follows_on = True
-        self._velocity = np.zeros(JOINT_COUNT)
-        self._feed_forward = np.zeros(JOINT_COUNT)
+        self._velocity = self._feed_forward = _STILL
 
     @property
     def capabilities(self) -> Capabilities:
@@ -93,8 +97,8 @@ class MujocoBackend(InProcessBackend):
 
     def _open(self, period_ns: int) -> None:
         self._steps = period_ns // _STEP_NS
-        self._from = self._to = self._position.copy()
-        self._velocity = self._feed_forward = np.zeros(JOINT_COUNT)
+        self._from = self._to = seven(self._position.tolist())
+        self._velocity = self._feed_forward = _STILL
         self._follows_on = True
         self._brake_torque = None
         self._rate[:] = 0.0
@@ -124,10 +128,9 @@ class MujocoBackend(InProcessBackend):
             self._follows_on = False
             return
         self._told = None
-        # One array of 21 numbers costs less than three of seven.
-        numbers = np.array(command.position_rad + command.velocity_rad_s + command.acceleration_rad_s2)
-        self._from = self._to if self._follows_on else numbers[:7]
-        self._to, self._velocity, self._feed_forward = numbers[:7], numbers[7:14], numbers[14:]
+        position, self._velocity, self._feed_forward, _ = command
+        self._from = self._to if self._follows_on else position
+        self._to = position
 
     def _step(self) -> None:
         model, data = self._model, self._data
@@ -144,9 +147,7 @@ class MujocoBackend(InProcessBackend):
                 if self._told is not None:
                     self._motor[:] = self._told
                 else:
-                    self._control(
-                        self._from if index == 0 else self._from + (self._to - self._from) * (index / self._steps)
-                    )
+                    self._control(self._from if index == 0 else self._between(index / self._steps))
                 mujoco.mj_step2(model, data)
             self._follows_on = self._told is None
             self._brake_torque = None
@@ -162,9 +163,9 @@ class MujocoBackend(InProcessBackend):
         # Whatever is commanded next need not follow on what was commanded before, and that has come to rest.
         self._follows_on = False
         if self._told is not None:
-            self._to = self._position.copy()
+            self._to = seven(self._position.tolist())
         self._from = self._to
-        self._velocity = self._feed_forward = np.zeros(JOINT_COUNT)
+        self._velocity = self._feed_forward = _STILL
         self._told = None
 
     def _push(self, push: Push, steps: int, /) -> None:
@@ -174,13 +175,23 @@ class MujocoBackend(InProcessBackend):
         self._brakes.release()
         self._braked = False
 
-    def _control(self, reference: "NDArray[np.float64]") -> None:
-        acceleration, damping = self._acceleration, self._damping
-        np.subtract(reference, self._position, out=acceleration)
-        acceleration *= LOOP_FREQUENCY_RAD_S * LOOP_FREQUENCY_RAD_S
-        np.subtract(self._velocity, self._rate, out=damping)
-        damping *= 2.0 * LOOP_FREQUENCY_RAD_S
-        acceleration += damping
-        acceleration += self._feed_forward
-        mujoco.mj_mulM(self._model, self._data, self._torque, acceleration)
+    def _between(self, share: float) -> Seven:
+        """Return where this command's way from the one before is after ``share`` of the cycle."""
+        return seven([here + (there - here) * share for here, there in zip(self._from, self._to, strict=True)])
+
+    def _control(self, reference: Seven) -> None:
+        # Seven numbers one by one cost no more than the six array operations, and commands need not become arrays.
+        acceleration = [
+            (wanted - here) * _SPRING + (rate - moves) * _DAMPER + planned
+            for wanted, here, rate, moves, planned in zip(
+                reference,
+                self._position.tolist(),
+                self._velocity,
+                self._rate.tolist(),
+                self._feed_forward,
+                strict=True,
+            )
+        ]
+        _ACCELERATION.pack_into(self._acceleration_memory, 0, *acceleration)
+        mujoco.mj_mulM(self._model, self._data, self._torque, self._acceleration)
         np.add(self._torque, self._bias, out=self._motor)

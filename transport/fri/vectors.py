@@ -18,9 +18,12 @@ _SIX_BYTES = b"\x36"
 _POSE_VALUE = b"\x11"
 """Tag of field 2 as a double: Transformation.value."""
 _SEVEN_OF_POSE = Struct("<" + "cd" * 7).pack
-_ONE_BYTE = 0x7F
+LAST_ONE_BYTE = 0x7F
+ONE_BYTE = [bytes((number,)) for number in range(LAST_ONE_BYTE + 1)]
+"""The varints of one byte."""
 _TWO_BYTES = 0x3FFF
 _THREE_BYTES = 0x1FFFFF
+_FOUR_BYTES = 0xFFFFFFF
 
 
 def vector_field(tag: bytes, values: Vector | None) -> bytes:
@@ -50,13 +53,17 @@ def pose_field(tag: bytes, name: str, values: Vector) -> bytes | None:
 
 def varint(number: int) -> bytes:
     """Return a non-negative number as a base-128 varint."""
-    if number <= _ONE_BYTE:
-        return bytes((number,))
+    if number <= LAST_ONE_BYTE:
+        return ONE_BYTE[number]
     if number <= _TWO_BYTES:
         return bytes((number & 0x7F | 0x80, number >> 7))
+    low, middle = number & 0x7F | 0x80, number >> 7 & 0x7F | 0x80
     if number <= _THREE_BYTES:
-        return bytes((number & 0x7F | 0x80, number >> 7 & 0x7F | 0x80, number >> 14))
-    return bytes((number & 0x7F | 0x80, number >> 7 & 0x7F | 0x80, number >> 14 & 0x7F | 0x80)) + varint(number >> 21)
+        return bytes((low, middle, number >> 14))
+    high = number >> 14 & 0x7F | 0x80
+    if number <= _FOUR_BYTES:
+        return bytes((low, middle, high, number >> 21))
+    return bytes((low, middle, high, number >> 21 & 0x7F | 0x80)) + varint(number >> 28)
 
 
 @cache

@@ -20,7 +20,7 @@ from hil.values.fri_messages import (
     Vector,
 )
 from transport.fri import fri_pb2
-from transport.fri.vectors import pose_field, varint, vector_field
+from transport.fri.vectors import LAST_ONE_BYTE, ONE_BYTE, pose_field, varint, vector_field
 
 _HEADER: Final = b"\x0a"
 _IDENTIFIED: Final = b"\x08" + varint(MONITORING_IDENTIFIER) + b"\x10"
@@ -52,6 +52,10 @@ class MonitoringWriter:
         self._connection = b""
         self._ipo_of: IpoData | None = None
         self._ipo = b""
+        self._external_of: Vector | None = None
+        self._external = b""
+        self._second = -1
+        self._second_piece = b""
         self._signals_of: tuple[IOValue, ...] = ()
         self._signals = b""
 
@@ -79,6 +83,9 @@ class MonitoringWriter:
             measured_position, measured_torque, commanded_position, commanded_torque, external_torque, external_force,
             signals, pose, redundancy, at,
         ) = monitor  # fmt: skip
+        # An estimate is made less often than a message.
+        if external_torque is not self._external_of:
+            self._external_of, self._external = external_torque, vector_field(b"\x2a", external_torque)
         if signals is not self._signals_of:
             self._signals_of, self._signals = signals, _signals_bytes(signals)
         pieces = (
@@ -86,14 +93,24 @@ class MonitoringWriter:
             vector_field(b"\x12", measured_torque),
             vector_field(b"\x1a", commanded_position),
             vector_field(b"\x22", commanded_torque),
-            vector_field(b"\x2a", external_torque),
+            self._external,
             vector_field(b"\x32", external_force),
             self._signals,
             b"" if pose is None else _pose_bytes(pose),
             b"" if redundancy is None else _redundancy_bytes(redundancy),
-            b"" if at is None else _time_bytes(at),
+            b"" if at is None else self._time(at),
         )
         return b"".join(pieces)
+
+    def _time(self, at: TimeStamp) -> bytes:
+        seconds, nanoseconds = at
+        if seconds != self._second:
+            if not 0 <= seconds <= _MOST_UINT32:
+                return _time_bytes(at)
+            self._second, self._second_piece = seconds, _SECONDS + varint(seconds) + _NANOSECONDS
+        if not 0 <= nanoseconds <= _MOST_UINT32:
+            return _time_bytes(at)
+        return _field(_AT, self._second_piece + varint(nanoseconds))
 
 
 def _header_piece(identifier: int, counter: int, reflected: int) -> bytes:
@@ -170,9 +187,6 @@ def _redundancy_bytes(redundancy: Redundancy) -> bytes:
 
 
 def _time_bytes(at: TimeStamp) -> bytes:
-    seconds, nanoseconds = at
-    if 0 <= seconds <= _MOST_UINT32 and 0 <= nanoseconds <= _MOST_UINT32:
-        return _field(_AT, b"".join((_SECONDS, varint(seconds), _NANOSECONDS, varint(nanoseconds))))
     wire = fri_pb2.MonitorData()
     wire.at.seconds, wire.at.nanoseconds = at
     return wire.SerializeToString()
@@ -194,7 +208,8 @@ def _ipo_bytes(ipo: IpoData) -> bytes:
 
 
 def _field(tag: bytes, body: bytes) -> bytes:
-    return b"".join((tag, varint(len(body)), body))
+    size = len(body)
+    return b"".join((tag, ONE_BYTE[size] if size <= LAST_ONE_BYTE else varint(size), body))
 
 
 def command(message: CommandMessage) -> fri_pb2.CommandMessage:

@@ -1,6 +1,6 @@
 """The client as commander of an overlay: first it mirrors the interpolator, then it commands."""
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from hil.core.fri.commands import CommandBounds, Refusal, joint_position, not_allowed
 from hil.core.fri.overlay_commands import axes_of, axis_torque, cartesian_pose, with_singularity, wrench
@@ -13,13 +13,8 @@ from hil.values.fri import SEQUENCE_MODULUS, OverlayKind
 from hil.values.fri_messages import CommandData, CommandMessage
 from hil.values.robot import JOINT_NAMES, JointLimits, Seven
 
-
-class _Demand(NamedTuple):
-    """What a command asks for, whatever the overlay."""
-
-    position_rad: Seven
-    torque_nm: Seven = STILL
-    wrench: Six = NO_WRENCH
+_Demand: TypeAlias = tuple[Seven, Seven, Six]
+"""What a command asks for, whatever the overlay: position in rad, and what is added to it: torques in Nm, a wrench."""
 
 
 class _Off(NamedTuple):
@@ -110,7 +105,7 @@ class OverlayCommander:
         demand = self._demand(message.command)
         if isinstance(demand, Refusal):
             return self._without_demand(message, demand)
-        position = demand.position_rad
+        position, torque_nm, force = demand
         reflected = message.reflected_sequence_counter
         periods = (reflected - self._accepted_counter) % SEQUENCE_MODULUS
         elapsed_ns = min(periods * self._send_period_ns, self._watchdog_ns)
@@ -126,7 +121,7 @@ class OverlayCommander:
         self._accepted_counter = reflected
         self._motion.retarget(position)
         if self._torques or self._wrenches:
-            self._motion.overlay_torque_nm, self._motion.overlay_wrench = demand.torque_nm, demand.wrench
+            self._motion.overlay_torque_nm, self._motion.overlay_wrench = torque_nm, force
         return None
 
     def monitor(self, message: CommandMessage) -> Refusal | None:
@@ -146,18 +141,18 @@ class OverlayCommander:
             if isinstance(target, Refusal):
                 return target
             axes = axes_of(target, self._kinematics, self._accepted_position)
-            return axes if isinstance(axes, Refusal) else _Demand(axes)
+            return axes if isinstance(axes, Refusal) else (axes, STILL, NO_WRENCH)
         position = joint_position(data)
         if isinstance(position, Refusal):
             return position
-        return self._added(position, data) if self._torques or self._wrenches else _Demand(position)
+        return self._added(position, data) if self._torques or self._wrenches else (position, STILL, NO_WRENCH)
 
     def _added(self, position: Seven, data: CommandData | None) -> _Demand | Refusal:
         if self._torques:
             torque = axis_torque(data, self._torque_limit_nm)
-            return torque if isinstance(torque, Refusal) else _Demand(position, torque)
+            return torque if isinstance(torque, Refusal) else (position, torque, NO_WRENCH)
         force = wrench(data)
-        return force if isinstance(force, Refusal) else _Demand(position, wrench=force)
+        return force if isinstance(force, Refusal) else (position, STILL, force)
 
     def _without_demand(self, message: CommandMessage, refusal: Refusal) -> Refusal:
         """An answer that commands nothing holds the arm; for as long as the watchdog would bear silence."""
@@ -173,7 +168,7 @@ class OverlayCommander:
         demand = self._demand(data)
         if isinstance(demand, Refusal):
             return demand
-        off = [abs(there - here) for there, here in zip(demand.position_rad, hold_rad, strict=True)]
+        off = [abs(there - here) for there, here in zip(demand[0], hold_rad, strict=True)]
         worst = max(range(len(off)), key=off.__getitem__)
         if off[worst] <= self._settings.mirror_tolerance_rad:
             return None

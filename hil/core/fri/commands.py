@@ -109,9 +109,8 @@ class CommandBounds:
         will let it, could not stop before the end of its range with its rated deceleration.
         """
         # What was accepted before is in range, and most axes stand still most of the time.
-        moves = map(ne, target, previous)
-        for axis, value, before, bounds in compress(zip(_AXES, target, previous, self._axes, strict=True), moves):
-            refusal = _refused_step(axis, value, before, bounds, elapsed_s, approach_s)
+        for axis in compress(_AXES, map(ne, target, previous)):
+            refusal = _refused_step(axis, target[axis], previous[axis], self._axes[axis], elapsed_s, approach_s)
             if refusal is not None:
                 return refusal
         return None

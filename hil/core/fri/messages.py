@@ -67,7 +67,7 @@ class MessageBuilder:
         self._signals = signals
         self._requested_transformations = requested_transformations
         self._model = model
-        self._settings = settings
+        self._unix_epoch_ns = settings.unix_epoch_ns
         self._fri = fri
         self._command_mode = _COMMAND_MODES[fri.overlay]
         self._ipo_data: IpoData | None = None
@@ -138,7 +138,7 @@ class MessageBuilder:
         if traits.pose:
             pose = Transformation(FLANGE_POSE_NAME, self._model.flange_in_base_mm(arm.position_rad))
             redundancy = Redundancy(RedundancyStrategy.E1, arm.position_rad[2])
-        unix_ns = self._settings.unix_epoch_ns + now_ns
+        seconds, nanoseconds = divmod(self._unix_epoch_ns + now_ns, 1_000_000_000)
         return MonitorData(
             arm.position_rad,
             arm.torque_nm,
@@ -149,7 +149,7 @@ class MessageBuilder:
             self._signals.on_wire() if traits.inputs_outputs else (),
             pose,
             redundancy,
-            TimeStamp(unix_ns // 1_000_000_000, unix_ns % 1_000_000_000),
+            TimeStamp(seconds, nanoseconds),
         )
 
     def _external_force(self, arm: ArmState, now_ns: int) -> Vector:

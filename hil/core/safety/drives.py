@@ -16,6 +16,8 @@ class Drives:
         self._backend = backend
         self._switches = backend.capabilities.switches_drives
         self._state = _ACTIVE
+        self._states: tuple[DriveState, ...] = ()
+        """What was read last; mostly the same tuple again, cycle after cycle."""
         self.dropped = False
         """Whether they were dropped from here, and are not asked for again."""
         self.hold = True
@@ -26,6 +28,9 @@ class Drives:
     def read(self, arm: ArmState) -> DriveState | None:
         """Look at the measured state; return the state of the drives if it is another one than before."""
         states = arm.drive_states
+        if states is self._states:
+            return None
+        self._states = states
         # All seven are alike but in a robot side that fails: the worst of them counts.
         state = states[0] if states.count(states[0]) == len(states) else min(states)
         self.hold = state is _ACTIVE
