@@ -14,18 +14,25 @@ from hil.core.estimation.momentum_observer import MomentumObserver
 from hil.core.motion.set_point import STILL, SetPoint
 from hil.values.arm import ArmState, JointCommand
 from hil.values.control import (
+    NO_WRENCH,
     CartesianImpedanceControlMode,
     CartesianSineImpedanceControlMode,
     ControlModeSettings,
     ControlSetup,
     JointImpedanceControlMode,
     PositionControlMode,
+    Six,
 )
 from hil.values.motion import Fault
 from hil.values.robot import Seven
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from hil.core.motion.executive import MotionExecutive
+
+    Array = NDArray[np.float64]
 
 ESTIMATE_NS: Final = 4_000_000
 """How often what pushes the arm is estimated while the robot side controls it; under a law it is in each cycle. Ours:
@@ -97,6 +104,26 @@ class ControlStage:
         """Return what pushes the flange, as far as its joints show it."""
         self._update(arm, now_ns)
         return self._force.estimate(arm.external_torque_nm, self.external_variance_nm2, self._dynamics)
+
+    def flange_wrench(self, arm: ArmState, *, now_ns: int) -> Six:
+        """Return that force alone, for those who tell nothing else of it."""
+        external = arm.external_torque_nm
+        if not any(external):
+            return NO_WRENCH
+        return self._force.wrench(external, self._flange_jacobian(arm, now_ns))
+
+    def flange_wrench_and_variance(self, arm: ArmState, *, now_ns: int) -> tuple[Six, Six]:
+        """Return that force and its variance alone."""
+        external, variance = arm.external_torque_nm, self.external_variance_nm2
+        if not (any(external) or any(variance)):
+            return NO_WRENCH, NO_WRENCH
+        return self._force.wrench_and_variance(external, variance, self._flange_jacobian(arm, now_ns))
+
+    def _flange_jacobian(self, arm: ArmState, now_ns: int) -> "Array":
+        # Where nothing else needs the dynamics in this cycle, the Jacobian is had for less.
+        if now_ns == self._updated_ns:
+            return self._dynamics.flange_jacobian()
+        return self._dynamics.flange_jacobian_at(arm.position_rad)
 
     @property
     def external_variance_nm2(self) -> Seven:

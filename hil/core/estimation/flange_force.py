@@ -55,13 +55,28 @@ class FlangeForceEstimator:
         """Return what at the flange explains these joint torques best, in the pose ``dynamics`` was updated with."""
         torque = np.array(external_nm)
         jacobian = dynamics.flange_jacobian()
-        self._solver.compute(jacobian.dot(jacobian.T))
-        squares: Array = np.maximum(self._solver.eigenvalues(), 0.0)
-        vectors: Array = self._solver.eigenvectors()
-        # Damped one direction at a time, growing from nothing at the edge: regular directions stay exact.
-        damped = np.maximum(squares, REGULAR * REGULAR)
-        inverse = (vectors / damped).dot(vectors.T).dot(jacobian)
+        inverse = self._inverse(jacobian)
         wrench = inverse.dot(torque)
         variance = np.square(inverse).dot(np.array(variance_nm2))
         rest = torque - wrench.dot(jacobian)
-        return FlangeForce(six(wrench.tolist()), six(variance.tolist()), seven(rest.tolist()), float(squares[0]) ** 0.5)
+        smallest = max(float(self._solver.eigenvalues()[0]), 0.0) ** 0.5
+        return FlangeForce(six(wrench.tolist()), six(variance.tolist()), seven(rest.tolist()), smallest)
+
+    def wrench(self, external_nm: Seven, jacobian: "Array") -> Six:
+        """Return the wrench of such an estimate alone, where ``jacobian`` is that of the flange."""
+        return six(self._inverse(jacobian).dot(np.array(external_nm)).tolist())
+
+    def wrench_and_variance(self, external_nm: Seven, variance_nm2: Seven, jacobian: "Array") -> tuple[Six, Six]:
+        """Return the wrench and its variance alone."""
+        inverse = self._inverse(jacobian)
+        wrench, variance = inverse.dot(np.array(external_nm)), np.square(inverse).dot(np.array(variance_nm2))
+        return six(wrench.tolist()), six(variance.tolist())
+
+    def _inverse(self, jacobian: "Array") -> "Array":
+        """Return the damped pseudo-inverse of the transposed Jacobian, 6x7."""
+        self._solver.compute(jacobian.dot(jacobian.T))
+        vectors: Array = self._solver.eigenvectors()
+        # Damped one direction at a time, growing from nothing at the edge: regular directions stay exact.
+        damped = np.maximum(self._solver.eigenvalues(), REGULAR * REGULAR)
+        inverse: Array = (vectors / damped).dot(vectors.T).dot(jacobian)
+        return inverse

@@ -47,7 +47,8 @@ class MomentumObserver:
         self._change = np.zeros(JOINT_COUNT)
         self._balance = np.zeros(JOINT_COUNT)
         self._last_ns: int | None = None
-        self._share = 0.0
+        self._share = self._variance_of = 0.0
+        self._variance: Seven = seven((0.0 * self._sigma2).tolist())
 
     @property
     def external_nm(self) -> Seven:
@@ -58,7 +59,9 @@ class MomentumObserver:
     def variance_nm2(self) -> Seven:
         """Variance of the estimate due to the sensors' noise; friction and a wrong model are not in it."""
         share = self._share
-        return seven((share / (2.0 - share) * self._sigma2).tolist())
+        if share != self._variance_of:
+            self._variance_of, self._variance = share, seven((share / (2.0 - share) * self._sigma2).tolist())
+        return self._variance
 
     def reset(self) -> None:
         """Forget what was seen, as after an interruption of the measurement; the estimate begins at zero again."""

@@ -154,7 +154,7 @@ class MessageBuilder:
 
     def _external_force(self, arm: ArmState, now_ns: int) -> Vector:
         """Return what pushes the flange in the order of the wire: moments about A, B, C, which are z, y, x."""
-        fx, fy, fz, mx, my, mz = self._control.flange_force(arm, now_ns=now_ns).wrench
+        fx, fy, fz, mx, my, mz = self._control.flange_wrench(arm, now_ns=now_ns)
         return (fx, fy, fz, mz, my, mx)
 
     def _ipo(self, hold_position_rad: Seven, state: SessionState, tracking_performance: float) -> IpoData:

@@ -22,7 +22,7 @@ def snapshot(
     now_ns: int,
 ) -> Snapshot:
     """Return the snapshot of a cycle whose nominal time is ``now_ns``."""
-    force = control.flange_force(arm, now_ns=now_ns)
+    force, force_variance = control.flange_wrench_and_variance(arm, now_ns=now_ns)
     return Snapshot(
         now_ns,
         cycle,
@@ -34,8 +34,8 @@ def snapshot(
         flange_in_base,
         executive.control.kind,
         control.external_variance_nm2,
-        force.wrench,
-        force.variance,
+        force,
+        force_variance,
         commander,
         tuple(
             [
