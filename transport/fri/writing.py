@@ -91,10 +91,10 @@ class MonitoringWriter:
         pieces = (
             vector_field(b"\x0a", measured_position),
             vector_field(b"\x12", measured_torque),
-            vector_field(b"\x1a", commanded_position),
+            b"" if commanded_position is None else vector_field(b"\x1a", commanded_position),
             vector_field(b"\x22", commanded_torque),
             self._external,
-            vector_field(b"\x32", external_force),
+            b"" if external_force is None else vector_field(b"\x32", external_force),
             self._signals,
             b"" if pose is None else _pose_bytes(pose),
             b"" if redundancy is None else _redundancy_bytes(redundancy),

@@ -9,7 +9,7 @@ from hil.core.safety.margins import Margin, worst
 from hil.core.safety.set_point_monitors import TOLERANCE
 from hil.values.arm import ArmState
 from hil.values.motion import ErrorReason, Fault
-from hil.values.robot import JOINT_NAMES, JointLimits
+from hil.values.robot import JOINT_NAMES, JointLimits, Seven
 
 STALE_TIME_MS: Final = 10
 """How old a measured state may be. Ours: about the shortest reaction of the arm to a command (manual 3.1.1: 12 ms)."""
@@ -69,18 +69,24 @@ class AxisTorqueMonitor:
         self._per_torque = [1.0 / torque for torque in limits.torque_nm]
         self._cycle_ms = cycle_ms
         self._overloaded_ms = 0
+        self._fine: Seven | None = None
+        """Torques that were looked at last and found within the limits: an arm without motors has no others."""
         self.margin = Margin()
 
     def check(self, state: ArmState, now_ns: int) -> Fault | None:
         """Return which axis is overloaded for too long, or None."""
         torque = state.commanded_torque_nm
+        if torque is self._fine:
+            return None
         used = max(map(abs, map(mul, torque, self._per_torque)))
         # A peak that is allowed to be is no use of the limit.
         if used <= 1.0 + TOLERANCE:
             if used > self.margin.used:
                 self.margin.note([*map(mul, torque, self._per_torque)], now_ns)
             self._overloaded_ms = 0
+            self._fine = torque
             return None
+        self._fine = None
         self._overloaded_ms += self._cycle_ms
         if self._overloaded_ms < TORQUE_TIME_MS:
             return None
