@@ -134,10 +134,13 @@ class Controller:
         self.ticks += 1
         started_ns = now_ns + lateness_ns
         on_stage = self._on_stage
+        if on_stage is None:
+            for _, stage in self._stages:
+                stage(now_ns, started_ns)
+            return
         for name, stage in self._stages:
             stage(now_ns, started_ns)
-            if on_stage is not None:
-                on_stage(name)
+            on_stage(name)
 
     def outgoing(self, *, now_ns: int | None = None) -> list[Outgoing]:
         """Return and forget the datagrams to send.
@@ -316,8 +319,8 @@ class Controller:
 
     def _read(self, now_ns: int, _started_ns: int) -> None:
         self._before = self._motion.set_point
-        self._arm = self._control.read(self._backend.read(), now_ns=now_ns)
-        self._safety.read(self._arm, now_ns=now_ns)
+        self._arm = arm = self._control.read(self._backend.read(), now_ns=now_ns)
+        self._safety.read(arm, now_ns=now_ns)
 
     def _progress(self, now_ns: int, started_ns: int) -> None:
         fri, servo, safety = self._fri, self._servo, self._safety
@@ -370,9 +373,9 @@ class Controller:
             self._interpolate(now_ns, started_ns)
 
     def _move(self, now_ns: int, _started_ns: int) -> None:
-        proposed, motion = self._proposed, self._motion
-        self._backend.write(self._control.command(proposed, motion, now_ns=now_ns))
-        self._backend.step()
+        proposed, motion, backend = self._proposed, self._motion, self._backend
+        backend.write(self._control.command(proposed, motion, now_ns=now_ns))
+        backend.step()
         if motion.commit(proposed, now_ns=now_ns):
             self._events.append(ArmResting(now_ns))
 

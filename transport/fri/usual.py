@@ -40,10 +40,11 @@ def usual_command(body: bytes) -> CommandMessage | None:
     numbers = _header(body, end) if end <= size else None
     if numbers is None:
         return None
+    identifier, counter, reflected = numbers
     if size == end:
-        return CommandMessage(numbers[1], numbers[2], None, None, numbers[0])
+        return CommandMessage(counter, reflected, None, None, identifier)
     data = _data(body, end)
-    return None if data is None else CommandMessage(numbers[1], numbers[2], data, None, numbers[0])
+    return None if data is None else CommandMessage(counter, reflected, data, None, identifier)
 
 
 def _data(body: bytes, at: int) -> CommandData | None:

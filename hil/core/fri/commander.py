@@ -134,7 +134,8 @@ class OverlayCommander:
         return position if isinstance(position, Refusal) else self._bounds.position(position)
 
     def _demand(self, data: CommandData | None) -> _Demand | Refusal:
-        if refusal := not_allowed(data, self._overlay):
+        refusal = not_allowed(data, self._overlay)
+        if refusal is not None:
             return refusal
         if self._poses:
             target = cartesian_pose(data)

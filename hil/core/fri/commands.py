@@ -15,8 +15,9 @@ VELOCITY_TOLERANCE = 1e-6
 
 
 _AXES: Final = range(JOINT_COUNT)
-_Axis = tuple[float, float, float, float]
-"""Range (low, high) in rad, velocity limit in rad/s, rated deceleration in rad/s2."""
+_Axis = tuple[float, float, float, float, float]
+"""Range (low, high) in rad, velocity limit in rad/s, the same with its tolerance, twice the rated deceleration in
+rad/s2."""
 
 
 class Refusal(NamedTuple):
@@ -84,7 +85,8 @@ class CommandBounds:
 
     def __init__(self, limits: JointLimits) -> None:
         self._axes = tuple(
-            zip(
+            (low, high, fastest, fastest * (1 + VELOCITY_TOLERANCE), 2 * deceleration)
+            for low, high, fastest, deceleration in zip(
                 limits.position_min_rad,
                 limits.position_max_rad,
                 limits.velocity_rad_s,
@@ -95,7 +97,7 @@ class CommandBounds:
 
     def position(self, target: Seven) -> Refusal | None:
         """Return why ``target`` is outside an axis range, or None."""
-        for axis, (value, (low, high, _, _)) in enumerate(zip(target, self._axes, strict=True)):
+        for axis, (value, (low, high, _, _, _)) in enumerate(zip(target, self._axes, strict=True)):
             if not low <= value <= high:
                 return _out_of_range(axis, value, low, high)
         return None
@@ -119,19 +121,23 @@ class CommandBounds:
 def _refused_step(  # noqa: PLR0917  # runs for each moving axis in each cycle; keywords cost
     axis: int, value: float, before: float, bounds: _Axis, elapsed_s: float, approach_s: float
 ) -> Refusal | None:
-    low, high, fastest, deceleration = bounds
+    low, high, fastest, too_fast_above, twice_deceleration = bounds
     if not low <= value <= high:
         return _out_of_range(axis, value, low, high)
     step = value - before
-    speed = abs(step) / elapsed_s
-    if speed > fastest * (1 + VELOCITY_TOLERANCE):
+    length = abs(step)
+    speed = length / elapsed_s
+    if speed > too_fast_above:
         return Refusal(
             Outcome.AXIS_VELOCITY,
             f"{JOINT_NAMES[axis]} steps {step:+.4f} rad in {elapsed_s * 1e3:g} ms, "
             f"{speed:.3f} rad/s; its limit is {fastest:.3f} rad/s",
         )
-    arrival = min(abs(step) / approach_s, fastest)
-    if arrival * arrival > 2 * deceleration * (high - value if step > 0 else value - low):
+    # A comparison, not min(): this runs for each moving axis in each cycle, and a call costs more than it does.
+    arrival = length / approach_s
+    if arrival > fastest:  # noqa: PLR1730
+        arrival = fastest
+    if arrival * arrival > twice_deceleration * (high - value if step > 0 else value - low):
         return Refusal(
             Outcome.AXIS_LIMIT,
             f"{JOINT_NAMES[axis]} at {value:.4f} rad arrives with {arrival:.3f} rad/s and could not stop "

@@ -63,7 +63,9 @@ class MessageBuilder:
         signals: SignalTable,
         requested_transformations: tuple[Transformation, ...],
     ) -> None:
-        self._traits = TRAITS[release]
+        traits = TRAITS[release]
+        self._tells_pose, self._tells_commanded_position = traits.pose, traits.commanded_position
+        self._tells_force, self._tells_signals = traits.external_force, traits.inputs_outputs
         self._signals = signals
         self._requested_transformations = requested_transformations
         self._model = model
@@ -96,22 +98,19 @@ class MessageBuilder:
     ) -> MonitoringMessage:
         """Return the message; interpolator data only from COMMANDING_WAIT on."""
         commanding = state >= _COMMANDING_WAIT
+        connection = self._connection_info
+        if connection is None or connection.session_state is not state or connection.quality is not quality:
+            connection = ConnectionInfo(state, quality, self._fri.send_period_ms, self._fri.receive_multiplier)
+            self._connection_info = connection
         return MonitoringMessage(
             sequence_counter,
             reflected_sequence_counter,
             self._robot(arm, operator, control_mode),
             self._monitor(arm, set_point, now_ns),
-            self._connection(state, quality),
+            connection,
             self._ipo(hold_position_rad, state, tracking_performance) if commanding else None,
             self._requested_transformations,
         )
-
-    def _connection(self, state: SessionState, quality: Quality) -> ConnectionInfo:
-        info = self._connection_info
-        if info is None or info.session_state is not state or info.quality is not quality:
-            info = ConnectionInfo(state, quality, self._fri.send_period_ms, self._fri.receive_multiplier)
-            self._connection_info = info
-        return info
 
     def _robot(self, arm: ArmState, operator: OperatorView, control_mode: ControlMode) -> RobotInfo:
         info = self._robot_info
@@ -133,20 +132,19 @@ class MessageBuilder:
         return info
 
     def _monitor(self, arm: ArmState, set_point: SetPoint, now_ns: int) -> MonitorData:
-        traits = self._traits
         pose = redundancy = None
-        if traits.pose:
+        if self._tells_pose:
             pose = Transformation(FLANGE_POSE_NAME, self._model.flange_in_base_mm(arm.position_rad))
             redundancy = Redundancy(RedundancyStrategy.E1, arm.position_rad[2])
         seconds, nanoseconds = divmod(self._unix_epoch_ns + now_ns, 1_000_000_000)
         return MonitorData(
             arm.position_rad,
             arm.torque_nm,
-            set_point.position_rad if traits.commanded_position else None,
+            set_point.position_rad if self._tells_commanded_position else None,
             arm.commanded_torque_nm,
             arm.external_torque_nm,
-            self._external_force(arm, now_ns) if traits.external_force else None,
-            self._signals.on_wire() if traits.inputs_outputs else (),
+            self._external_force(arm, now_ns) if self._tells_force else None,
+            self._signals.on_wire() if self._tells_signals else (),
             pose,
             redundancy,
             TimeStamp(seconds, nanoseconds),

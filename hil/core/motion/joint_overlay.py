@@ -38,28 +38,27 @@ class JointOverlay:
         if self._cycles_left == 0:
             self.tracking_performance = 1.0
             return SetPoint(self._position, STILL)
-        step, slowed = self._step()
+        # The step that keeps the schedule.
+        step = list(map(sub, self._target, self._position))
+        cycles_left, rate = self._cycles_left, self._rate
+        if cycles_left != 1:
+            scale = 1.0 / cycles_left
+            step = [part * scale for part in step]
+        slowed = self._slowed(step) if any(map(gt, map(abs, step), self._step_limit)) else 1.0
         self.tracking_performance = slowed
         if slowed == 1.0:
-            self._cycles_left -= 1
-            self._position = tuple(map(add, self._position, step)) if self._cycles_left else self._target
+            self._cycles_left = cycles_left = cycles_left - 1
+            self._position = tuple(map(add, self._position, step)) if cycles_left else self._target
         else:
             step = [part * slowed for part in step]
-            self._cycles_left = max(1, self._cycles_left - 1)
+            self._cycles_left = max(1, cycles_left - 1)
             self._position = tuple(map(add, self._position, step))
-        rate = self._rate
-        return SetPoint(self._position, tuple([part * rate for part in step]))  # type: ignore[arg-type]
+        return SetPoint(self._position, tuple([part * rate for part in step]))
 
-    def _step(self) -> tuple[list[float], float]:
-        """Return the step that keeps the schedule, and the factor, at most 1, that keeps every axis at its velocity."""
-        step = list(map(sub, self._target, self._position))
-        if self._cycles_left != 1:
-            scale = 1.0 / self._cycles_left
-            step = [part * scale for part in step]
-        if not any(map(gt, map(abs, step), self._step_limit)):
-            return step, 1.0
+    def _slowed(self, step: list[float]) -> float:
+        """Return the factor, at most 1, that keeps every axis at its velocity."""
         worst = 1.0
         for part, allowed in zip(step, self._step_limit, strict=True):
             if abs(part) > allowed * worst:
                 worst = abs(part) / allowed
-        return step, 1.0 / worst
+        return 1.0 / worst
