@@ -6,6 +6,7 @@ Not modelled: mass, friction, torque (all torques are zero), contact, sensor noi
 from backends.base import InProcessBackend
 from hil.values.arm import ArmState, Capabilities, JointCommand
 from hil.values.robot import JOINT_COUNT, RobotDescription, Seven
+from hil.values.tuples import new_tuple
 
 _ZERO: Seven = (0.0,) * JOINT_COUNT  # type: ignore[assignment]
 
@@ -39,7 +40,9 @@ class IdealBackend(InProcessBackend):
         self._next = JointCommand(self._position, _ZERO)
 
     def _read(self) -> ArmState:
-        return ArmState(self._position, self._velocity, _ZERO, _ZERO, _ZERO, self._drive_states, self._sample)
+        return new_tuple(
+            ArmState, (self._position, self._velocity, _ZERO, _ZERO, _ZERO, self._drive_states, self._sample)
+        )
 
     def _write(self, command: JointCommand) -> None:
         self._next = command

@@ -27,6 +27,7 @@ from hil.values.arm import ArmState, Capabilities, JointCommand, Push, seven
 from hil.values.errors import BackendError
 from hil.values.load import NO_LOAD, Load
 from hil.values.robot import JOINT_COUNT, RobotDescription, Seven
+from hil.values.tuples import new_tuple
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -115,14 +116,17 @@ class MujocoBackend(InProcessBackend):
         if self._brake_torque is not None:
             torque -= self._brake_torque
         measured = self._sensors.sense(torque)
-        return ArmState(
-            tuple(self._position.tolist()),
-            tuple(self._rate.tolist()),
-            tuple(measured.tolist()),
-            _NOT_ESTIMATED,
-            tuple((-self._motor).tolist()),
-            self._drive_states,
-            self._sample,
+        return new_tuple(
+            ArmState,
+            (
+                tuple(self._position.tolist()),
+                tuple(self._rate.tolist()),
+                tuple(measured.tolist()),
+                _NOT_ESTIMATED,
+                tuple((-self._motor).tolist()),
+                self._drive_states,
+                self._sample,
+            ),
         )
 
     def _write(self, command: JointCommand) -> None:

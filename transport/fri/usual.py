@@ -8,6 +8,7 @@ from struct import Struct
 
 from hil.values.fri import COMMAND_IDENTIFIER
 from hil.values.fri_messages import CommandData, CommandMessage
+from hil.values.tuples import new_tuple
 
 # The tag before each number is left out of what is unpacked: all of them are compared at once.
 _SEVEN = Struct("<" + "xd" * 7).unpack_from
@@ -44,14 +45,16 @@ def usual_command(body: bytes) -> CommandMessage | None:
     if size == end:
         return CommandMessage(counter, reflected, None, None, identifier)
     data = _data(body, end)
-    return None if data is None else CommandMessage(counter, reflected, data, None, identifier)
+    return None if data is None else new_tuple(CommandMessage, (counter, reflected, data, None, identifier))
 
 
 def _data(body: bytes, at: int) -> CommandData | None:
     """Return the data that fill ``body`` from ``at`` on, if they are of a usual shape."""
     size = len(body) - at
     if size == _POSITION_BYTES and body.startswith(_POSITION_ALONE, at):
-        return CommandData(_SEVEN(body, at + 4)) if body[at + 4 :: 9] == _TAGS else None
+        if body[at + 4 :: 9] != _TAGS:
+            return None
+        return new_tuple(CommandData, (_SEVEN(body, at + 4), None, None, (), (), None, None))
     if size == _TORQUE_BYTES and body.startswith(_POSITION_AND_TORQUE, at):
         values = _FOURTEEN(body, at + 5)
         usual = values[7] == _TORQUE and body[at + 5 : at + 68 : 9] == _TAGS and body[at + 70 :: 9] == _TAGS

@@ -25,6 +25,7 @@ from hil.values.control import (
 )
 from hil.values.motion import Fault
 from hil.values.robot import Seven
+from hil.values.tuples import new_tuple
 
 if TYPE_CHECKING:
     import numpy as np
@@ -72,7 +73,7 @@ class ControlStage:
             self._update(arm, now_ns)
             self._external = observer.update(arm, self._dynamics, now_ns=now_ns)
         position, velocity, torque, _, commanded, drives, sample = arm
-        return ArmState(position, velocity, torque, self._external, commanded, drives, sample)
+        return new_tuple(ArmState, (position, velocity, torque, self._external, commanded, drives, sample))
 
     def command(self, set_point: SetPoint, motion: "MotionExecutive", *, now_ns: int) -> JointCommand:
         """Return the command that leads the arm to ``set_point`` as what has the arm wants it controlled."""
@@ -81,7 +82,8 @@ class ControlStage:
             self._take(setup, motion.control_of)
         law = self._law
         if law is None:
-            return JointCommand(*set_point)
+            position, velocity, acceleration = set_point
+            return new_tuple(JointCommand, (position, velocity, acceleration, None))
         if self._updated_ns != now_ns:
             # The law is new: the state of this cycle was read before anybody needed it.
             self._update(self._arm, now_ns)

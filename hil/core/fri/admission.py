@@ -12,6 +12,7 @@ from hil.values.errors import MalformedDatagram
 from hil.values.fri_messages import CommandMessage, ControllerCodec
 from hil.values.link import Address
 from hil.values.outcomes import Outcome
+from hil.values.tuples import new_tuple
 
 # A member of an enumeration costs a search each time it is named by its class.
 _ACCEPTED: Final = Outcome.ACCEPTED
@@ -59,7 +60,7 @@ class Admission:
         before = tracker.client_counter
         restarted_from = before if tracker.answered(reflected, counter) else None
         if age_ns <= self._budget_ns:
-            return Admitted(message, age_ns, _ACCEPTED, "", restarted_from)
+            return new_tuple(Admitted, (message, age_ns, _ACCEPTED, "", restarted_from))
         detail = (
             f"the answer to message {reflected} came after "
             f"{age_ns / 1e6:.2f} ms, {(age_ns - self._budget_ns) / 1e6:.2f} ms "

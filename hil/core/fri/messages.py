@@ -9,6 +9,7 @@ from hil.core.settings import ControllerSettings, FriSettings
 from hil.core.signals import SignalTable
 from hil.values.arm import ArmState
 from hil.values.fri import (
+    MONITORING_IDENTIFIER,
     TRAITS,
     ClientCommandMode,
     ControlMode,
@@ -33,11 +34,13 @@ from hil.values.fri_messages import (
 )
 from hil.values.operator import OperatorView
 from hil.values.robot import JOINT_COUNT, Seven
+from hil.values.tuples import new_tuple
 
 # A member of an enumeration costs a search each time it is named by its class, and these are named in every cycle.
 _COMMANDING_WAIT: Final = SessionState.COMMANDING_WAIT
 _COMMANDING_ACTIVE: Final = SessionState.COMMANDING_ACTIVE
 _CARTESIAN: Final = OverlayType.CARTESIAN
+_E1: Final = RedundancyStrategy.E1
 FLANGE_POSE_NAME = "Flange"
 _COMMAND_MODES: Final = {
     OverlayKind.NONE: (ClientCommandMode.NONE, OverlayType.NONE),
@@ -102,14 +105,19 @@ class MessageBuilder:
         if connection is None or connection.session_state is not state or connection.quality is not quality:
             connection = ConnectionInfo(state, quality, self._fri.send_period_ms, self._fri.receive_multiplier)
             self._connection_info = connection
-        return MonitoringMessage(
-            sequence_counter,
-            reflected_sequence_counter,
-            self._robot(arm, operator, control_mode),
-            self._monitor(arm, set_point, now_ns),
-            connection,
-            self._ipo(hold_position_rad, state, tracking_performance) if commanding else None,
-            self._requested_transformations,
+        return new_tuple(
+            MonitoringMessage,
+            (
+                sequence_counter,
+                reflected_sequence_counter,
+                self._robot(arm, operator, control_mode),
+                self._monitor(arm, set_point, now_ns),
+                connection,
+                self._ipo(hold_position_rad, state, tracking_performance) if commanding else None,
+                self._requested_transformations,
+                None,
+                MONITORING_IDENTIFIER,
+            ),
         )
 
     def _robot(self, arm: ArmState, operator: OperatorView, control_mode: ControlMode) -> RobotInfo:
@@ -135,19 +143,22 @@ class MessageBuilder:
         pose = redundancy = None
         if self._tells_pose:
             pose = Transformation(FLANGE_POSE_NAME, self._model.flange_in_base_mm(arm.position_rad))
-            redundancy = Redundancy(RedundancyStrategy.E1, arm.position_rad[2])
+            redundancy = Redundancy(_E1, arm.position_rad[2])
         seconds, nanoseconds = divmod(self._unix_epoch_ns + now_ns, 1_000_000_000)
-        return MonitorData(
-            arm.position_rad,
-            arm.torque_nm,
-            set_point.position_rad if self._tells_commanded_position else None,
-            arm.commanded_torque_nm,
-            arm.external_torque_nm,
-            self._external_force(arm, now_ns) if self._tells_force else None,
-            self._signals.on_wire() if self._tells_signals else (),
-            pose,
-            redundancy,
-            TimeStamp(seconds, nanoseconds),
+        return new_tuple(
+            MonitorData,
+            (
+                arm.position_rad,
+                arm.torque_nm,
+                set_point.position_rad if self._tells_commanded_position else None,
+                arm.commanded_torque_nm,
+                arm.external_torque_nm,
+                self._external_force(arm, now_ns) if self._tells_force else None,
+                self._signals.on_wire() if self._tells_signals else (),
+                pose,
+                redundancy,
+                new_tuple(TimeStamp, (seconds, nanoseconds)),
+            ),
         )
 
     def _external_force(self, arm: ArmState, now_ns: int) -> Vector:
@@ -168,5 +179,5 @@ class MessageBuilder:
             # It stays for as long as the overlay runs; the model would place the links twice a message.
             pose = Transformation(FLANGE_POSE_NAME, self._model.flange_in_base_mm(hold_position_rad))
             self._hold = hold_position_rad, pose
-        redundancy = Redundancy(RedundancyStrategy.E1, hold_position_rad[2])
+        redundancy = Redundancy(_E1, hold_position_rad[2])
         return IpoData(None, self._hold[1], redundancy, mode, overlay_type, tracking)

@@ -4,6 +4,7 @@ from operator import add, gt, sub
 
 from hil.core.motion.set_point import STILL, SetPoint
 from hil.values.robot import JointLimits, Seven
+from hil.values.tuples import new_tuple
 
 
 class JointOverlay:
@@ -53,7 +54,7 @@ class JointOverlay:
             step = [part * slowed for part in step]
             self._cycles_left = max(1, cycles_left - 1)
             self._position = tuple(map(add, self._position, step))
-        return SetPoint(self._position, tuple([part * rate for part in step]))
+        return new_tuple(SetPoint, (self._position, tuple([part * rate for part in step]), STILL))
 
     def _slowed(self, step: list[float]) -> float:
         """Return the factor, at most 1, that keeps every axis at its velocity."""
