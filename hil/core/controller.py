@@ -37,6 +37,7 @@ from hil.values.motion import Fault
 from hil.values.operator import OperatorAction, OperatorView, SetInput, StopCategory
 from hil.values.robot import RobotDescription
 from hil.values.servo import ServoControllerCodec
+from hil.values.tuples import new_tuple
 
 __all__ = ["FRI_LINK", "Controller", "operator_report"]
 
@@ -334,7 +335,7 @@ class Controller:
         if servo is not None:
             # A paused program lets motions wait; a stop lets none in.
             barred = safety.bars_motions
-            if self._fri_commands:
+            if fri is not None and fri.commanding:
                 barred = "the FRI client commands the arm: end its overlay first, or run the controller without one"
             servo.progress(arm=self._arm, now_ns=now_ns, started_ns=started_ns, barred=barred)
 
@@ -393,7 +394,7 @@ class Controller:
         if self._fri is not None:
             message = self._fri.message(self._arm, operator=self._safety.view, now_ns=now_ns, started_ns=started_ns)
             if message is not None:
-                self._outgoing.append(Outgoing(FRI_LINK, message))
+                self._outgoing.append(new_tuple(Outgoing, (FRI_LINK, message, None)))
         if self._servo is not None:
             self._outgoing += self._servo.outgoing(
                 self._arm, operator=self._safety.view, cycle=self.ticks, now_ns=now_ns

@@ -15,8 +15,8 @@ _SEVEN = Struct("<" + "xd" * 7).unpack_from
 _THIRTEEN = Struct("<" + "xd" * 7 + "4s6d").unpack_from
 _FOURTEEN = Struct("<" + "xd" * 7 + "2s" + "xd" * 7).unpack_from
 _TAGS = b"\x09" * 7
-_HEADER_TAGS = b"\x08\x10\x18"
-_COUNTER_TAGS = _HEADER_TAGS[1:]
+_IDENTIFIER_TAG, _COUNTER_TAG, _REFLECTED_TAG = b"\x08\x10\x18"
+_MOST_UINT32 = 0xFFFFFFFF
 _IDENTIFIED = b"\x08\x81\x80\xd0\x01"
 """The identifier of a command, as far as it is the right one."""
 _POSITION_ALONE = b"\x12\x41\x0a\x3f"
@@ -66,23 +66,39 @@ def _data(body: bytes, at: int) -> CommandData | None:
     return None
 
 
-def _header(body: bytes, end: int) -> list[int] | None:
+def _header(body: bytes, end: int) -> tuple[int, int, int] | None:
     """Return identifier and both counters when the header, which ends at ``end``, holds them and nothing else."""
-    at, numbers, tags = 2, [], _HEADER_TAGS
-    if body.startswith(_IDENTIFIED, at):
-        at, numbers, tags = at + len(_IDENTIFIED), [COMMAND_IDENTIFIER], _COUNTER_TAGS
-    for tag in tags:
-        if at + 1 >= end or body[at] != tag:
+    try:
+        if body.startswith(_IDENTIFIED, 2):
+            identifier, at = COMMAND_IDENTIFIER, 7
+        elif body[2] == _IDENTIFIER_TAG:
+            identifier, at = _varint(body, 3)
+        else:
             return None
-        byte = body[at + 1]
-        at += 2
-        number, shift = byte & 0x7F, 7
-        while byte >= 0x80:
-            if at >= end or shift > 28:
-                return None
-            byte = body[at]
-            at += 1
-            number |= (byte & 0x7F) << shift
-            shift += 7
-        numbers.append(number)
-    return numbers if at == end and max(numbers) <= 0xFFFFFFFF else None
+        if body[at] != _COUNTER_TAG:
+            return None
+        counter, at = _varint(body, at + 1)
+        if body[at] != _REFLECTED_TAG:
+            return None
+        reflected, at = _varint(body, at + 1)
+    except IndexError:
+        return None
+    usual = at == end and counter <= _MOST_UINT32 and reflected <= _MOST_UINT32 and identifier <= _MOST_UINT32
+    return (identifier, counter, reflected) if usual else None
+
+
+def _varint(body: bytes, at: int) -> tuple[int, int]:
+    """Return the varint at ``at``, and where it ends; more than 32 bits where there are five bytes and no end."""
+    number = body[at]
+    if number <= _ONE_BYTE:
+        return number, at + 1
+    byte = body[at + 1]
+    if byte <= _ONE_BYTE:
+        return number & 0x7F | byte << 7, at + 2
+    number = number & 0x7F | (byte & 0x7F) << 7
+    for more in (2, 3, 4):
+        byte = body[at + more]
+        number |= (byte & 0x7F) << 7 * more
+        if byte <= _ONE_BYTE:
+            return number, at + more + 1
+    return _MOST_UINT32 + 1, at + 5

@@ -23,6 +23,10 @@ class ExpectedAnswers:
 
     def sent(self, counter: int, *, at_ns: int) -> None:
         """A message went out."""
+        if self._multiplier == 1:
+            self._pending.append((counter, at_ns))
+            self._closed_by_last = True
+            return
         if self._open_count == 0:
             self._first_counter = counter
             self._open_answered = False

@@ -41,10 +41,10 @@ class AxisRangeMonitor:
 
     def check(self, set_point: SetPoint, before: SetPoint, now_ns: int) -> Fault | None:  # noqa: ARG002
         """Return which axis is outside its range, or None."""
-        position, middle, per_range = set_point.position_rad, self._middle, self._per_range
-        if max(map(abs, map(mul, map(sub, position, middle), per_range))) <= self.margin.no_news:
+        off = map(sub, set_point.position_rad, self._middle)
+        shares = [*map(mul, off, self._per_range)]
+        if max(map(abs, shares)) <= self.margin.no_news:
             return None
-        shares = [*map(mul, map(sub, position, middle), per_range)]
         if self.margin.note(shares, now_ns) <= self._most:
             return None
         axis = worst(shares)

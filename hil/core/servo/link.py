@@ -141,6 +141,8 @@ class ServoLink:
     def progress(self, *, arm: ArmState, now_ns: int, started_ns: int, barred: str) -> None:
         """Once a cycle: end silent sessions, do what the commander asks. ``barred`` says why no motion may start."""
         self._measured_rad = arm.position_rad
+        if self._sessions.empty:
+            return
         for session in self._sessions.overdue(now_ns=started_ns):
             self._end(session, session.overdue_because(now_ns=started_ns), now_ns)
         circumstances = Circumstances(arm, now_ns, self._closed_because or barred)
@@ -151,6 +153,9 @@ class ServoLink:
 
     def outgoing(self, arm: ArmState, *, operator: OperatorView, cycle: int, now_ns: int) -> list[Outgoing]:
         """Return the packets of this cycle: answers to hellos, and the state for every session it is due for."""
+        if self._sessions.empty and not self._answers:
+            self._leaving.clear()
+            return []
         active = self._executive.applications.active
         if active is not None:
             self._tell_goal(active.number, active.motion, now_ns)

@@ -102,6 +102,11 @@ class SessionTable:
         return iter(self._sessions.values())
 
     @property
+    def empty(self) -> bool:
+        """Whether nobody is there."""
+        return not self._sessions
+
+    @property
     def observers(self) -> int:
         """How many sessions only watch."""
         return len(self._sessions) - (self.commander is not None)
