@@ -19,6 +19,11 @@ from hil.values.robot import JOINT_COUNT, JointLimits, Seven
 _STATE: Final = Struct(f"{2 * JOINT_COUNT}d")
 """Positions and velocities, in the machine's own order of bytes."""
 
+_FROM_FLANGE: Final = range(JOINT_COUNT - 1, -1, -1)
+_NEAR_MM: Final = 20.0
+"""How far from a pose its levers are of use: some per cent of them."""
+_ROUNDING: Final = 1.0 + 1e-9
+
 
 class ArmModel:
     """Works on private buffers; what it returns is a copy. ``flange_frame`` is a frame name of ``model``."""
@@ -33,6 +38,11 @@ class ArmModel:
         self._position, self._velocity = self._state
         self._memory = self._state.data.cast("B")
         self._reach_mm = _reach_mm(model, model.frames[self._frame])
+        self._levers_data = model.createData()
+        self._levers_mm: list[float] = []
+        """Distance of the flange's origin from each axis at :attr:`_levers_at`."""
+        self._levers_at = STILL
+        self._take_levers(STILL)
 
     def kinematics(self, limits: JointLimits) -> SrsKinematics:
         """Return the closed-form kinematics of this arm within axis limits; raise :class:`ConfigurationError`."""
@@ -51,6 +61,22 @@ class ArmModel:
         """Return a speed in mm/s that the flange's origin exceeds in no pose, at a fraction of the exact one's cost."""
         return sum(map(mul, map(abs, velocity_rad_s), self._reach_mm), 0.0)
 
+    def flange_keeps_below(self, limit_mm_s: float, position_rad: Seven, velocity_rad_s: Seven) -> bool:
+        """Return whether the flange's origin is surely not above a speed in mm/s; if not, the exact one must tell."""
+        if self.flange_speed_bound_mm_s(velocity_rad_s) <= limit_mm_s:
+            return True
+        # Each axis moves the flange on a lever of its own, known in a pose nearby. It changes with the axes behind it
+        # alone, by no more than they have moved the flange since.
+        bound_mm_s = moved_mm = 0.0
+        for axis in _FROM_FLANGE:
+            bound_mm_s += abs(velocity_rad_s[axis]) * (self._levers_mm[axis] + moved_mm)
+            moved_mm += abs(position_rad[axis] - self._levers_at[axis]) * self._reach_mm[axis]
+        if bound_mm_s * _ROUNDING <= limit_mm_s:
+            return True
+        if moved_mm > _NEAR_MM:
+            self._take_levers(position_rad)
+        return False
+
     def main_axis(self, position_rad: Seven, velocity_rad_s: Seven) -> int:
         """Return the axis (0 for A1) that moves the flange's origin most at these velocities."""
         alone: list[float] = []
@@ -59,6 +85,13 @@ class ArmModel:
             only[axis] = velocity
             alone.append(self.flange_speed_mm_s(position_rad, seven(only)))
         return max(range(len(alone)), key=alone.__getitem__)
+
+    def _take_levers(self, position_rad: Seven) -> None:
+        jacobian = pinocchio.computeFrameJacobian(
+            self._model, self._levers_data, np.array(position_rad), self._frame, pinocchio.LOCAL
+        )
+        self._levers_mm = (1e3 * np.linalg.norm(jacobian[:3], axis=0)).tolist()
+        self._levers_at = position_rad
 
     def flange_in_base_mm(self, position_rad: Seven) -> tuple[float, ...]:
         """Return translation in mm and unit quaternion w x y z, seven numbers, as FRI 2.x sends poses."""

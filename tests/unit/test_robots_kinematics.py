@@ -91,3 +91,28 @@ def test_the_flange_is_never_faster_than_its_bound(name: str) -> None:
         assert exact <= bound * (1 + 1e-12)
         closest = max(closest, exact / bound if bound else 0.0)
     assert closest > 0.8
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_a_flange_that_keeps_below_a_speed_is_not_above_it(name: str) -> None:
+    """Along ways of small and large steps; one axis that moves alone is judged as the exact speed judges it."""
+    random = np.random.default_rng(8)
+    model = ArmModel(load_pinocchio(name))
+    limits = load_description(name).limits
+    low, high = np.array(limits.position_min_rad), np.array(limits.position_max_rad)
+    here, kept, alone = random.uniform(low, high), 0, 0
+    for step in range(3000):
+        moved = here + random.uniform(-1, 1, 7) * random.integers(0, 2, 7) * (0.5 if step % 100 == 0 else 3e-3)
+        here = np.clip(moved, low, high)
+        velocity = random.uniform(-1, 1, 7) * random.integers(0, 2, 7)
+        if step % 3 == 0:
+            velocity *= np.arange(7) == step % 7
+        position, rate = seven(here.tolist()), seven(velocity.tolist())
+        exact = model.flange_speed_mm_s(position, rate)
+        limit = exact * random.choice((0.5, 1.0 - 1e-12, 1.0, 1.01, 1.3, 2.0))
+        if model.flange_keeps_below(limit, position, rate):
+            assert exact <= limit
+            kept += model.flange_speed_bound_mm_s(rate) > limit
+            alone += step % 3 == 0 and limit <= 1.01 * exact and exact > 0.0
+    assert kept > 300
+    assert alone > 50

@@ -110,12 +110,14 @@ class MonitoringWriter:
             self._second, self._second_piece = seconds, _SECONDS + varint(seconds) + _NANOSECONDS
         if not 0 <= nanoseconds <= _MOST_UINT32:
             return _time_bytes(at)
-        return _field(_AT, self._second_piece + varint(nanoseconds))
+        body = self._second_piece + varint(nanoseconds)
+        return _AT + ONE_BYTE[len(body)] + body
 
 
 def _header_piece(identifier: int, counter: int, reflected: int) -> bytes:
     if identifier == MONITORING_IDENTIFIER and 0 <= counter <= _MOST_UINT32 and 0 <= reflected <= _MOST_UINT32:
-        return _field(_HEADER, b"".join((_IDENTIFIED, varint(counter), _REFLECTED, varint(reflected))))
+        body = _IDENTIFIED + varint(counter) + _REFLECTED + varint(reflected)
+        return _HEADER + ONE_BYTE[len(body)] + body
     wire = fri_pb2.MonitoringMessage()
     wire.header.identifier = identifier
     wire.header.sequence_counter = counter

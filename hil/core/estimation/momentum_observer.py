@@ -11,11 +11,15 @@ the link is behind the sensor: while a joint moves it is reckoned with, at rest 
 """
 
 import math
+from collections.abc import Sequence
+from operator import add, sub
+from struct import Struct
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from hil.core.control.dynamics import Dynamics
+from hil.core.motion.set_point import STILL
 from hil.values.arm import ArmState, seven
 from hil.values.robot import JOINT_COUNT, Seven
 
@@ -24,6 +28,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+_CHANGE: Final = Struct(f"{JOINT_COUNT}d")
 BANDWIDTH_HZ: Final = 10.0
 """Of the observer. Ours; 10 Hz is what drivers in the field filter with (facts 4.4)."""
 
@@ -42,10 +47,10 @@ class MomentumObserver:
     ) -> None:
         self._rate = 2.0 * math.pi * bandwidth_hz
         self._sigma2: Array = np.square(np.array(sensor_sigma_nm))
-        self._external = np.zeros(JOINT_COUNT)
-        self._velocity = np.zeros(JOINT_COUNT)
+        self._external: Seven = STILL
+        self._velocity: Sequence[float] = STILL
         self._change = np.zeros(JOINT_COUNT)
-        self._balance = np.zeros(JOINT_COUNT)
+        self._change_memory = self._change.data.cast("B")
         self._last_ns: int | None = None
         self._share = self._variance_of = 0.0
         self._variance: Seven = seven((0.0 * self._sigma2).tolist())
@@ -53,7 +58,7 @@ class MomentumObserver:
     @property
     def external_nm(self) -> Seven:
         """The newest estimate, positive when the environment pushes a joint towards plus."""
-        return seven(self._external.tolist())
+        return self._external
 
     @property
     def variance_nm2(self) -> Seven:
@@ -65,31 +70,37 @@ class MomentumObserver:
 
     def reset(self) -> None:
         """Forget what was seen, as after an interruption of the measurement; the estimate begins at zero again."""
-        self._external[:] = 0.0
+        self._external = STILL
         self._last_ns = None
 
     def update(self, state: ArmState, dynamics: Dynamics, *, now_ns: int) -> Seven:
         """Take the measured torque of a cycle and return the new estimate, Nm."""
         last_ns, self._last_ns = self._last_ns, now_ns
+        before, self._velocity = self._velocity, dynamics.velocity_rad_s.tolist()
         if last_ns is None or now_ns <= last_ns:
-            self._velocity[:] = dynamics.velocity_rad_s
-            return self.external_nm
+            return self._external
         elapsed_s = (now_ns - last_ns) * 1e-9
-        balance, change, external = self._balance, self._change, self._external
         # The sign of the sensors is minus that of the actuation, so measured torque and bias add.
-        np.add(dynamics.bias_nm, state.torque_nm, out=balance)
+        balance = list(map(add, dynamics.bias_nm.tolist(), state.torque_nm))
         friction = dynamics.friction_nm()
         if friction is not None:
-            balance += friction
-        balance -= external
-        balance *= elapsed_s
-        np.subtract(dynamics.velocity_rad_s, self._velocity, out=change)
-        self._velocity[:] = dynamics.velocity_rad_s
-        balance += dynamics.mass_kg_m2.dot(change)
-        change *= dynamics.armature_kg_m2
-        balance -= change
+            balance = list(map(add, balance, friction.tolist()))
+        change = list(map(sub, self._velocity, before))
+        _CHANGE.pack_into(self._change_memory, 0, *change)
         gain = self._rate / (1.0 + self._rate * elapsed_s)
         self._share = gain * elapsed_s
-        balance *= gain
-        external += balance
-        return seven(external.tolist())
+        # Seven numbers one by one: a dozen array operations on them cost twice as much.
+        self._external = seven(
+            [
+                external + ((torque - external) * elapsed_s + gained - changed * motor) * gain
+                for torque, external, gained, changed, motor in zip(
+                    balance,
+                    self._external,
+                    dynamics.mass_kg_m2.dot(self._change).tolist(),
+                    change,
+                    dynamics.armature_kg_m2.tolist(),
+                    strict=True,
+                )
+            ]
+        )
+        return self._external

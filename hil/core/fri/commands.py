@@ -62,7 +62,8 @@ def joint_position(data: CommandData | None) -> Seven | Refusal:
     position = data.position
     if len(position) != JOINT_COUNT:
         return Refusal(Outcome.SHAPE, f"{len(position)} joint positions, {JOINT_COUNT} are needed")
-    if not all(map(math.isfinite, position)):
+    # A sum is finite only if all of it is; one that is not may just be too large.
+    if not (math.isfinite(sum(position)) or all(map(math.isfinite, position))):
         axis = next(index for index, value in enumerate(position) if not math.isfinite(value))
         return Refusal(Outcome.NOT_FINITE, f"{JOINT_NAMES[axis]} is {position[axis]}")
     return position  # type: ignore[return-value]  # seven values, checked above

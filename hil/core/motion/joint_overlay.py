@@ -1,10 +1,13 @@
 """Joint position overlay on a position hold: the client's positions, spread over the time between two of them."""
 
+import math
 from operator import add, gt, sub
 
 from hil.core.motion.set_point import STILL, SetPoint
 from hil.values.robot import JointLimits, Seven
 from hil.values.tuples import new_tuple
+
+_ROUNDING = 1.0 - 1e-9
 
 
 class JointOverlay:
@@ -19,6 +22,7 @@ class JointOverlay:
         self._position = start.position_rad
         self._rate = 1.0 / cycle_s
         self._step_limit = [limit * cycle_s for limit in limits.velocity_rad_s]
+        self._short_step = min(self._step_limit) * _ROUNDING
         self._cycles_per_target = cycles_per_target
         self._target = start.position_rad
         self._cycles_left = 0
@@ -45,7 +49,9 @@ class JointOverlay:
         if cycles_left != 1:
             scale = 1.0 / cycles_left
             step = [part * scale for part in step]
-        slowed = self._slowed(step) if any(map(gt, map(abs, step), self._step_limit)) else 1.0
+        # No axis goes farther than all of them together.
+        fast = math.hypot(*step) > self._short_step and any(map(gt, map(abs, step), self._step_limit))
+        slowed = self._slowed(step) if fast else 1.0
         self.tracking_performance = slowed
         if slowed == 1.0:
             self._cycles_left = cycles_left = cycles_left - 1

@@ -15,7 +15,7 @@ class FlangeSpeedMonitor:
 
     def too_fast(self, position: Seven, velocity: Seven, *, now_ns: int) -> str:
         """Return speed and limit in words if the flange is too fast, else an empty text."""
-        if self._model.flange_speed_bound_mm_s(velocity) <= self.margin.no_news * self._limit_mm_s:
+        if self._model.flange_keeps_below(self.margin.no_news * self._limit_mm_s, position, velocity):
             return ""
         return self.judge(self._model.flange_speed_mm_s(position, velocity), position, velocity, now_ns=now_ns)
 

@@ -162,7 +162,7 @@ class Monitors:
 
     def _too_fast(self, position: Seven, velocity: Seven, now_ns: int) -> str:
         # The largest speed of a run is a figure of every mode, so the speed is worked out for a new maximum too.
-        if self._model.flange_speed_bound_mm_s(velocity) <= self.max_flange_speed_mm_s:
+        if self._model.flange_keeps_below(self.max_flange_speed_mm_s, position, velocity):
             return self._measured_t1.too_fast(position, velocity, now_ns=now_ns) if self.t1 else ""
         speed = self._model.flange_speed_mm_s(position, velocity)
         self.max_flange_speed_mm_s = max(self.max_flange_speed_mm_s, speed)
