@@ -9,6 +9,7 @@ from struct import Struct
 from hil.values.fri import COMMAND_IDENTIFIER
 from hil.values.fri_messages import CommandData, CommandMessage
 from hil.values.tuples import new_tuple
+from transport.fri.vectors import varint
 
 # The tag before each number is left out of what is unpacked: all of them are compared at once.
 _SEVEN = Struct("<" + "xd" * 7).unpack_from
@@ -17,8 +18,9 @@ _FOURTEEN = Struct("<" + "xd" * 7 + "2s" + "xd" * 7).unpack_from
 _TAGS = b"\x09" * 7
 _IDENTIFIER_TAG, _COUNTER_TAG, _REFLECTED_TAG = b"\x08\x10\x18"
 _MOST_UINT32 = 0xFFFFFFFF
-_IDENTIFIED = b"\x08\x81\x80\xd0\x01"
+_IDENTIFIED = b"\x08" + varint(COMMAND_IDENTIFIER)
 """The identifier of a command, as far as it is the right one."""
+_COUNTER_AT = 2 + len(_IDENTIFIED)
 _POSITION_ALONE = b"\x12\x41\x0a\x3f"
 """CommandData of 65 bytes that holds JointValues of 63 bytes and nothing else."""
 _POSITION_AND_WRENCH = b"\x12\x75\x0a\x3f"
@@ -70,7 +72,7 @@ def _header(body: bytes, end: int) -> tuple[int, int, int] | None:
     """Return identifier and both counters when the header, which ends at ``end``, holds them and nothing else."""
     try:
         if body.startswith(_IDENTIFIED, 2):
-            identifier, at = COMMAND_IDENTIFIER, 7
+            identifier, at = COMMAND_IDENTIFIER, _COUNTER_AT
         elif body[2] == _IDENTIFIER_TAG:
             identifier, at = _varint(body, 3)
         else:

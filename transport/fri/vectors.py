@@ -24,6 +24,7 @@ ONE_BYTE = [bytes((number,)) for number in range(LAST_ONE_BYTE + 1)]
 _TWO_BYTES = 0x3FFF
 _THREE_BYTES = 0x1FFFFF
 _FOUR_BYTES = 0xFFFFFFF
+_FIVE_BYTES = 0x7FFFFFFFF
 
 
 def vector_field(tag: bytes, values: Vector | None) -> bytes:
@@ -63,7 +64,10 @@ def varint(number: int) -> bytes:
     high = number >> 14 & 0x7F | 0x80
     if number <= _FOUR_BYTES:
         return bytes((low, middle, high, number >> 21))
-    return bytes((low, middle, high, number >> 21 & 0x7F | 0x80)) + varint(number >> 28)
+    higher = number >> 21 & 0x7F | 0x80
+    if number <= _FIVE_BYTES:
+        return bytes((low, middle, high, higher, number >> 28))
+    return bytes((low, middle, high, higher)) + varint(number >> 28)
 
 
 @cache
