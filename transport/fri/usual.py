@@ -1,7 +1,7 @@
 """The commands of nearly every cycle, read without protobuf objects: a header, seven positions, torques or a wrench.
 
-Anything else is None and goes the ordinary way. ``hil bench cycle``: 5.4 us to decode positions before, 4.2 us since. A
-test holds both ways equal on recorded and on broken bytes.
+Anything else is None and goes the ordinary way. ``hil bench cycle``: 5.4 us to decode positions before, 4.2 us since;
+on another machine 4.8 us then and 2.6 us now. A test holds both ways equal on recorded and on broken bytes.
 """
 
 from struct import Struct

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 REGULAR: Final = 0.05
 """Singular value of the Jacobian (m and 1 taken as alike) from which on nothing is damped. Ours."""
+_LEAST_SQUARES: Final = np.full(6, REGULAR * REGULAR)
 
 
 class FlangeForce(NamedTuple):
@@ -77,6 +78,6 @@ class FlangeForceEstimator:
         self._solver.compute(jacobian.dot(jacobian.T))
         vectors: Array = self._solver.eigenvectors()
         # Damped one direction at a time, growing from nothing at the edge: regular directions stay exact.
-        damped = np.maximum(self._solver.eigenvalues(), REGULAR * REGULAR)
+        damped = np.maximum(self._solver.eigenvalues(), _LEAST_SQUARES)
         inverse: Array = (vectors / damped).dot(vectors.T).dot(jacobian)
         return inverse
