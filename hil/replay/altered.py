@@ -14,7 +14,7 @@ _MOST_BYTES: Final = 2000
 
 def alteration(packet: Packet, decode: Callable[[bytes], object]) -> str:
     """Return in words what was changed in a datagram: which bit and which field, where one bit explains it."""
-    recorded = packet.place.recorded_crc32
+    recorded = packet.recorded_crc32
     bit = None if recorded is None else _flipped_bit(packet.frame, recorded)
     if bit is None:
         return "more than one bit of it was changed after it was recorded"

@@ -82,7 +82,7 @@ class Beside:
         try:
             message = self._codec.decode_monitoring(packet.payload)
         except MalformedDatagram as error:
-            self._result.note(f"packet {packet.place.number} is no monitoring message ({error}): passed over")
+            self._result.note(f"packet {packet.number} is no monitoring message ({error}): passed over")
             return
         index = (message.sequence_counter - self._first_counter) % SEQUENCE_MODULUS
         if self._finished or not self._last_index < index <= self._last_index + _MOST_MISSING:
@@ -95,7 +95,7 @@ class Beside:
             self._lost_messages += index - self._last_index - 1
         self._act(message, index)
         self._run_before(index * self._period_ns + 1)
-        self._anchor_unix_ns = packet.place.at_unix_ns
+        self._anchor_unix_ns = packet.at_unix_ns
         self._last_index = index
         self._compare(packet, message, index)
 
@@ -108,7 +108,7 @@ class Beside:
         index = max(self._last_index, self._answered_index(packet.payload))
         message_unix_ns = self._anchor_unix_ns + (index - self._last_index) * self._period_ns
         # An answer after the next message was due, which the recording has later than that, comes just before it here.
-        age_ns = min(max(packet.place.at_unix_ns - message_unix_ns, 0), self._period_ns - 1)
+        age_ns = min(max(packet.at_unix_ns - message_unix_ns, 0), self._period_ns - 1)
         at_ns = index * self._period_ns + age_ns
         # The message that is answered goes out first.
         self._run_before(max(at_ns, index * self._period_ns + 1))
@@ -146,7 +146,7 @@ class Beside:
         return controller
 
     def _begin_anew(self, packet: Packet, message: MonitoringMessage) -> None:
-        self._result.note(f"{self._name}: another session begins with packet {packet.place.number}: a fresh emulator")
+        self._result.note(f"{self._name}: another session begins with packet {packet.number}: a fresh emulator")
         self.finish()
         self._parts.backend.close()
         self._parts = open_parts(
@@ -154,7 +154,7 @@ class Beside:
             initial_position_rad=replace(self._flow, first=message).initial_position_rad,
         )
         self._first_counter = message.sequence_counter
-        self._controller = self._fresh(message, packet.place.at_unix_ns)
+        self._controller = self._fresh(message, packet.at_unix_ns)
         self._last_index, self._next_tick = -1, 0
         self._said.clear()
         self._inputs.clear()
@@ -210,7 +210,7 @@ class Beside:
                 del self._said[next(iter(self._said))]
 
     def _compare(self, packet: Packet, message: MonitoringMessage, index: int) -> None:
-        result, moment = self._result, self._moment(index, packet.place.number)
+        result, moment = self._result, self._moment(index, packet.number)
         said = self._said.pop(index, None)
         if said is None:
             result.extra += 1

@@ -1,6 +1,5 @@
 """A recording of ours through a fresh controller: the same inputs at the same times, every output byte compared."""
 
-from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -54,7 +53,7 @@ class _Robot:
     parts: RobotParts
     decoders: dict[tuple[str, bool], Callable[[bytes], object]]
     """By link, and whether the controller sent it."""
-    said: deque[Outgoing] = field(default_factory=deque)
+    said: list[Outgoing] = field(default_factory=list)
     inputs_crc32: int = 0
     inputs: list[Packet] = field(default_factory=list)
     """Datagrams since the last cycle, the first ones."""
@@ -129,16 +128,16 @@ class ExactReplay:
             return
         route = self._routes.get(packet.source)
         if route is None:
-            self._result.note(f"datagrams between strangers are passed over, the first is packet {packet.place.number}")
+            self._result.note(f"datagrams between strangers are passed over, the first is packet {packet.number}")
             return
         self._output(route[0], route[1], packet)
 
     def entry(self, entry: Entry) -> None:
         """Take an entry of the journal."""
-        if type(entry) is TickEntry:
-            self._tick(self._robots[entry.robot], entry)
-            return
         match entry:
+            case TickEntry():
+                self.tick(entry)
+                return
             case LostEntry(records):
                 self._result.note(
                     f"{records} records are missing at t={self._now_s():.3f} s: the disk did not keep up with the run"
@@ -179,7 +178,9 @@ class ExactReplay:
                 )
                 robot.ended = True
 
-    def _tick(self, robot: _Robot, entry: TickEntry) -> None:
+    def tick(self, entry: TickEntry) -> None:
+        """Take the entry of a cycle: run it, and keep what the core said to be compared."""
+        robot = self._robots[entry.robot]
         if robot.ended:
             return
         if self._pace is not None:
@@ -199,10 +200,9 @@ class ExactReplay:
         self._result.reached_s = entry.due_ns / 1e9
         robot.cycle += 1
         robot.inputs_crc32, robot.told_altered = 0, False
-        robot.inputs.clear()
-        said = controller.outgoing(now_ns=entry.departed_ns)
-        controller.events()
-        robot.said.extend(said)
+        if robot.inputs:
+            robot.inputs.clear()
+        robot.said = said = controller.outgoing(now_ns=entry.departed_ns)
         if self._sink is not None:
             self._sink.note(entry)
             for one in said:
@@ -210,8 +210,8 @@ class ExactReplay:
 
     def _input(self, robot: _Robot, link: str, packet: Packet) -> None:
         self._result.inputs += 1
-        at_ns = packet.place.at_unix_ns - robot.unix_epoch_ns
-        recorded = packet.place.recorded_crc32
+        at_ns = packet.at_unix_ns - robot.unix_epoch_ns
+        recorded = packet.recorded_crc32
         if recorded is not None and recorded != crc32(packet.frame):
             robot.told_altered = True
             what = alteration(packet, robot.decoders.get((link, False), bytes))
@@ -228,7 +228,7 @@ class ExactReplay:
         if robot.ended:
             return
         result = self._result
-        recorded = packet.place.recorded_crc32
+        recorded = packet.recorded_crc32
         if recorded is not None and recorded != crc32(packet.frame):
             what = alteration(packet, robot.decoders.get((link, True), bytes))
             result.alter(f"the controller's datagram at {self._moment(robot, packet)}: {what}")
@@ -239,7 +239,7 @@ class ExactReplay:
                 moment, f"the recording has a datagram on the {link} link that the emulator did not send"
             )
             return
-        said = robot.said.popleft()
+        said = robot.said.pop(0)
         result.compared += 1
         if self._watch is not None:
             self._show(robot, link, packet.payload, said)
@@ -305,7 +305,7 @@ class ExactReplay:
         self._result.alter(f"between cycles {robot.cycle} and {robot.cycle + 1}, t={robot.t_ns / 1e9:.3f} s: {what}")
 
     def _input_in_words(self, robot: _Robot, link: str, packet: Packet) -> str:
-        at_s = (packet.place.at_unix_ns - robot.start.unix_epoch_ns) / 1e9
+        at_s = (packet.at_unix_ns - robot.start.unix_epoch_ns) / 1e9
         what = "datagram"
         try:
             message = robot.decoders.get((link, False), bytes)(packet.payload)
@@ -313,7 +313,7 @@ class ExactReplay:
             what = type(message).__name__ if number is None else f"{type(message).__name__} {number}"
         except MalformedDatagram:
             pass
-        return f"packet {packet.place.number}, {what} from {Address(*packet.source)} at t={at_s:.6f} s"
+        return f"packet {packet.number}, {what} from {Address(*packet.source)} at t={at_s:.6f} s"
 
     def _sent(self, robot: _Robot, said: Outgoing) -> CapturedDatagram:
         source = robot.start.bound[said.link]
@@ -321,7 +321,7 @@ class ExactReplay:
         return CapturedDatagram(robot.start.unix_epoch_ns + robot.departed_ns, source, destination, said.payload)
 
     def _moment(self, robot: _Robot, packet: Packet | None) -> Moment:
-        return Moment(robot.start.name, robot.t_ns / 1e9, robot.cycle, 0 if packet is None else packet.place.number)
+        return Moment(robot.start.name, robot.t_ns / 1e9, robot.cycle, 0 if packet is None else packet.number)
 
     def _now_s(self) -> float:
         return max((robot.t_ns for robot in self._robots), default=0) / 1e9

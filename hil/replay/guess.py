@@ -148,7 +148,7 @@ def flow_of(packet: Packet, release: Release | None) -> Flow | None:
             f"releases 1.11, 1.14, 1.15 and 1.16 look the same here: {possible} is taken; --fri-version chooses another"
         )
     controller, client = Address(*packet.source), Address(*packet.destination)
-    return Flow(controller, client, possible, sure, message, packet.place.at_unix_ns, notes=notes)
+    return Flow(controller, client, possible, sure, message, packet.at_unix_ns, notes=notes)
 
 
 def _decoded(payload: bytes) -> tuple[MonitoringMessage, Release, bool] | None:

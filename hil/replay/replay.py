@@ -20,7 +20,7 @@ from hil.values.errors import MalformedDatagram, UsageError
 from hil.values.fri import Release
 from hil.values.link import Address
 from transport.capture.errors import CaptureError
-from transport.capture.journal import Entry, encode_entry, read_entries
+from transport.capture.journal import Entry, encode_entry, read_entries, single_tick
 from transport.capture.parts import first_and_number, parts_from
 from transport.capture.reading import RecordReader, read_records, read_section_comment
 from transport.capture.records import CapturedDatagram, CaptureRecord, Notes, Packet
@@ -172,7 +172,7 @@ def _looked_through(parts: list[Path], wish: Wish) -> dict[tuple[Address, Addres
                         flows[route], codecs[route] = found, FriCodec(found.release)
                 elif not flow.known:
                     with suppress(MalformedDatagram):
-                        flow.look(codecs[route].decode_monitoring(record.payload), record.place.at_unix_ns)
+                        flow.look(codecs[route].decode_monitoring(record.payload), record.at_unix_ns)
                 if looked >= _MOST_LOOKED_AT:
                     return flows
                 if looked > _LEAST_LOOKED_AT and flows and all(one.known for one in flows.values()):
@@ -215,17 +215,25 @@ def replay_own(
 
 def _feed(replay: ExactReplay, parts: list[Path], result: ReplayResult, progress: ProgressTold | None) -> None:
     for record in _records(parts, result, progress):
-        if isinstance(record, Notes):
-            try:
-                for entry in read_entries(record.entries):
-                    replay.entry(entry)
-            except ValueError as error:
-                damaged = CaptureError(parts[-1], f"the recorder's notes are damaged: {error}", offset=record.offset)
-                result.damage = str(damaged)
-                break
-        else:
+        if type(record) is Packet:
             replay.packet(record)
+        elif (tick := single_tick(record.entries)) is not None:  # type: ignore[union-attr]  # what is no packet is notes
+            replay.tick(tick)
+        elif isinstance(record, Notes) and not _take_notes(replay, record, parts, result):
+            break
     replay.finish()
+
+
+def _take_notes(replay: ExactReplay, notes: Notes, parts: list[Path], result: ReplayResult) -> bool:
+    """Take the entries of a journal; return whether they could be read."""
+    try:
+        for entry in read_entries(notes.entries):
+            replay.entry(entry)
+    except ValueError as error:
+        damaged = CaptureError(parts[-1], f"the recorder's notes are damaged: {error}", offset=notes.offset)
+        result.damage = str(damaged)
+        return False
+    return True
 
 
 def _records(parts: list[Path], result: ReplayResult, progress: ProgressTold | None) -> Iterator[CaptureRecord]:
@@ -237,10 +245,13 @@ def _records(parts: list[Path], result: ReplayResult, progress: ProgressTold | N
         reader: RecordReader | None = None
         try:
             reader = read_records(part)
-            for count, record in enumerate(reader):
-                if progress is not None and count % _PROGRESS_EVERY == 0:
-                    progress(before + reader.read_bytes, whole, _how_fast(result, began_ns))
-                yield record
+            if progress is None:
+                yield from reader
+            else:
+                for count, record in enumerate(reader):
+                    if count % _PROGRESS_EVERY == 0:
+                        progress(before + reader.read_bytes, whole, _how_fast(result, began_ns))
+                    yield record
         except CaptureError as error:
             result.damage = str(error)
             return

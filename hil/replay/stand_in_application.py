@@ -95,9 +95,9 @@ class RecordedApplication:
                 continue
             if isinstance(value, Hello):
                 if self._hello is None:
-                    self._hello, self._hello_unix_ns = value, packet.place.at_unix_ns
+                    self._hello, self._hello_unix_ns = value, packet.at_unix_ns
             elif self._hello is not None:
-                yield packet.place.at_unix_ns - self._hello_unix_ns, value
+                yield packet.at_unix_ns - self._hello_unix_ns, value
 
     def _advance(self) -> None:
         self._next = next(self._packets, None)

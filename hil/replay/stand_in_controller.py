@@ -49,8 +49,8 @@ class RecordedController:
             source, destination = Address(*packet.source), Address(*packet.destination)
             if (source, destination) == (self._flow.controller, self._flow.client):
                 if self._first_unix_ns is None:
-                    self._first_unix_ns = packet.place.at_unix_ns
-                t_ns = packet.place.at_unix_ns - self._first_unix_ns
+                    self._first_unix_ns = packet.at_unix_ns
+                t_ns = packet.at_unix_ns - self._first_unix_ns
                 self._result.recorded_s = self._result.reached_s = t_ns / 1e9
                 self.sent += 1
                 yield t_ns, packet.payload
@@ -86,8 +86,8 @@ class RecordedController:
             message = self._codec.decode_command(packet.payload)
         except MalformedDatagram:
             return
-        t_s = (packet.place.at_unix_ns - (self._first_unix_ns or packet.place.at_unix_ns)) / 1e9
-        self._expected.append(_Recorded(packet.payload, message, packet.place.number, t_s))
+        t_s = (packet.at_unix_ns - (self._first_unix_ns or packet.at_unix_ns)) / 1e9
+        self._expected.append(_Recorded(packet.payload, message, packet.number, t_s))
         if len(self._expected) > _REMEMBERED:
             self._lost(self._expected.popleft())
         self._claim()

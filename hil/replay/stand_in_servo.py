@@ -162,7 +162,7 @@ class RecordedServoController:
                     value = self._codec.decode_from_controller(packet.payload)
                     if self._belongs(value):
                         done = value.requests_done if isinstance(value, State) else 0
-                        yield _Due(packet.place.at_unix_ns - self._hello_unix_ns, packet.payload, done)
+                        yield _Due(packet.at_unix_ns - self._hello_unix_ns, packet.payload, done)
             except MalformedDatagram:
                 continue
 
@@ -176,13 +176,13 @@ class RecordedServoController:
     def _expect(self, packet: Packet) -> None:
         value = self._codec.decode_from_client(packet.payload)
         if isinstance(value, Hello):
-            self._hello_unix_ns = self._hello_unix_ns or packet.place.at_unix_ns
+            self._hello_unix_ns = self._hello_unix_ns or packet.at_unix_ns
         if not isinstance(value, Command) or self._hello_unix_ns is None:
             return
-        t_s = (packet.place.at_unix_ns - self._hello_unix_ns) / 1e9
+        t_s = (packet.at_unix_ns - self._hello_unix_ns) / 1e9
         for request in value.requests:
             live = self._live.pop(request.number, None)
             if live is not None:
-                self._compare(live, request, t_s, packet.place.number)
+                self._compare(live, request, t_s, packet.number)
             elif request.number > self._newest and len(self._recorded) < _REMEMBERED:
-                self._recorded.setdefault(request.number, (request, t_s, packet.place.number))
+                self._recorded.setdefault(request.number, (request, t_s, packet.number))

@@ -125,7 +125,7 @@ def test_what_was_changed_is_told_with_exit_code_1(run: Path, tmp_path: Path) ->
     ended = cli("replay", file)
     assert ended.code == 1
     assert "changed after it was recorded:" in ended.out
-    assert f"packet {commands[50].place.number}," in " ".join(ended.out.split())
+    assert f"packet {commands[50].number}," in " ".join(ended.out.split())
     assert f"bit 6 of byte {len(commands[50].payload) - 3}" in " ".join(ended.out.split())
 
 
@@ -255,7 +255,7 @@ def test_a_ring_keeps_the_newest_files(folder: Path) -> None:
     assert "in files the ring removed" in " ".join(ended.out.split())
     result = replay_file(kept[0])
     assert result.notes[0] == "the first files of the ring are not there: compared, not replayed to the byte"
-    counters = [one.place.at_unix_ns for part in kept for one in packets(part)]
+    counters = [one.at_unix_ns for part in kept for one in packets(part)]
     assert counters == sorted(counters)
     whole = finish(hil("run", *options, "--capture", file, "--capture-ring", "99x100kB", "--progress", 0))
     assert whole.code == 0, whole.err

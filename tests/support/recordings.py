@@ -85,6 +85,6 @@ def rewrite(
 def flip_bit(file: Path, packet: Packet, byte: int, bit: int) -> None:
     """Change one bit of a datagram's payload in the file itself."""
     content = bytearray(file.read_bytes())
-    at = content.index(packet.payload, packet.place.offset) + byte
+    at = content.index(packet.payload, packet.offset) + byte
     content[at] ^= 1 << bit
     file.write_bytes(content)

@@ -43,7 +43,7 @@ def without_notes(file: Path, *, addresses: bool = False, comment: bool = True) 
             source, destination = one.source, one.destination
             if addresses:
                 source, destination = ELSEWHERE[source], ELSEWHERE[destination]
-            writer.write(CapturedDatagram(one.place.at_unix_ns, source, destination, one.payload))
+            writer.write(CapturedDatagram(one.at_unix_ns, source, destination, one.payload))
     return file
 
 
@@ -93,7 +93,7 @@ def as_pcap(file: Path, *, nanoseconds: bool, big: bool, vlan: bool) -> Path:
     content = struct.pack(f"{order}IHHiIII", magic, 2, 4, 0, 0, 262144, 1)
     for one in packets(file):
         frame = one.frame[:12] + b"\x81\x00\x00\x07" + one.frame[12:] if vlan else one.frame
-        seconds, rest = divmod(one.place.at_unix_ns, 10**9)
+        seconds, rest = divmod(one.at_unix_ns, 10**9)
         head = struct.pack(f"{order}IIII", seconds, rest * ticks_per_s // 10**9, len(frame), len(frame))
         content += head + frame
     file.write_bytes(content)
@@ -124,8 +124,8 @@ def dropping(condition: Callable[[Packet], bool]) -> Callable[[CaptureRecord], I
 
 
 def test_a_recording_that_misses_its_start_is_compared(file: Path) -> None:
-    begin = packets(file)[0].place.at_unix_ns
-    rewrite(file, dropping(lambda one: one.place.at_unix_ns < begin + 500_000_000), comment="{}")
+    begin = packets(file)[0].at_unix_ns
+    rewrite(file, dropping(lambda one: one.at_unix_ns < begin + 500_000_000), comment="{}")
     result = replay_file(file)
     assert result.compared > 200
     assert result.states[0][1:] == ("recording", 0.0, "MONITORING_WAIT")
@@ -133,8 +133,8 @@ def test_a_recording_that_misses_its_start_is_compared(file: Path) -> None:
 
 
 def test_a_recording_that_begins_while_commanding_is_compared(file: Path) -> None:
-    begin = packets(file)[0].place.at_unix_ns
-    rewrite(file, dropping(lambda one: one.place.at_unix_ns < begin + 1_500_000_000), comment="{}")
+    begin = packets(file)[0].at_unix_ns
+    rewrite(file, dropping(lambda one: one.at_unix_ns < begin + 1_500_000_000), comment="{}")
     result = replay_file(file)
     assert result.compared > 90
     assert result.states[0][1:] == ("recording", 0.0, "COMMANDING_ACTIVE")
@@ -143,8 +143,8 @@ def test_a_recording_that_begins_while_commanding_is_compared(file: Path) -> Non
 
 def test_messages_that_were_not_recorded_are_counted(file: Path) -> None:
     found = [one for one in packets(file) if one.source == ("127.0.0.1", 30210)]
-    gone = {one.place.number for one in found[150:160]}
-    rewrite(file, dropping(lambda one: one.place.number in gone), comment="{}")
+    gone = {one.number for one in found[150:160]}
+    rewrite(file, dropping(lambda one: one.number in gone), comment="{}")
     result = replay_file(file)
     assert result.missing == len(gone) == 10
     assert any(note.startswith("arm: messages are missing in the recording, first at t=0.8") for note in result.notes)
@@ -153,8 +153,8 @@ def test_messages_that_were_not_recorded_are_counted(file: Path) -> None:
 
 def test_another_session_begins_anew(file: Path) -> None:
     first = records(file)
-    end_ns = packets(file)[-1].place.at_unix_ns
-    begin_ns = packets(file)[0].place.at_unix_ns
+    end_ns = packets(file)[-1].at_unix_ns
+    begin_ns = packets(file)[0].at_unix_ns
     with PcapngWriter(file, comment=None) as writer:
         for shift_ns in (0, end_ns - begin_ns + 10**9):
             for one in first:
@@ -235,7 +235,7 @@ def test_release_overlay_and_period_are_seen_in_the_packets(
     assert flow is not None
     codec = FriCodec(release)
     for one in sent:
-        flow.look(codec.decode_monitoring(one.payload), one.place.at_unix_ns)
+        flow.look(codec.decode_monitoring(one.payload), one.at_unix_ns)
     assert (flow.release, flow.sure) == (release, known)
     assert flow.known
     config = flow.config(RobotConfig(), backend=None)

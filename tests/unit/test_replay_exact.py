@@ -134,7 +134,7 @@ def test_one_bit_of_any_command_is_found_and_named(commanding: bytes, tmp_path: 
         assert not result.equal
         assert result.altered_count == 1
         told = result.altered[0]
-        assert f"packet {packet.place.number}, " in told
+        assert f"packet {packet.number}, " in told
         assert f"bit {bit} of byte {byte} of its payload was changed" in told
 
 
@@ -164,13 +164,13 @@ def test_a_command_changed_with_all_its_checksums_is_found_by_the_notes(recordin
         changed = codec.encode_command(command._replace(sequence_counter=command.sequence_counter ^ 1))
 
         def change(one: CaptureRecord, target: Packet = target, changed: bytes = changed) -> Iterator[CaptureRecord]:
-            same = isinstance(one, Packet) and one.place.number == target.place.number
+            same = isinstance(one, Packet) and one.number == target.number
             yield one._replace(payload=changed) if same and isinstance(one, Packet) else one
 
         before = recording.read_bytes()
         result = replay_file(rewrite(recording, change))
         assert result.altered_count == 1
-        assert f"packet {target.place.number}, " in result.altered[0]
+        assert f"packet {target.number}, " in result.altered[0]
         assert "not what was recorded" in result.altered[0]
         recording.write_bytes(before)
 
@@ -179,7 +179,7 @@ def test_a_command_that_came_at_another_time_is_found(recording: Path) -> None:
     target = [one for one in packets(recording) if from_client(one)][40]
 
     def later(one: CaptureRecord) -> Iterator[CaptureRecord | CapturedDatagram]:
-        if isinstance(one, Packet) and one.place.number == target.place.number:
+        if isinstance(one, Packet) and one.number == target.number:
             datagram = one.datagram
             yield CapturedDatagram(datagram.at_unix_ns + 1, datagram.source, datagram.destination, datagram.payload)
         else:
@@ -192,7 +192,7 @@ def test_a_command_that_is_missing_is_found(recording: Path) -> None:
     target = [one for one in packets(recording) if from_client(one)][40]
 
     def without(one: CaptureRecord) -> Iterator[CaptureRecord]:
-        if not (isinstance(one, Packet) and one.place.number == target.place.number):
+        if not (isinstance(one, Packet) and one.number == target.number):
             yield one
 
     assert "a datagram to the controller is missing" in replay_file(rewrite(recording, without)).altered[0]
@@ -212,13 +212,13 @@ def test_what_the_controller_said_is_compared_to_the_bit(recording: Path) -> Non
     )
 
     def change(one: CaptureRecord) -> Iterator[CaptureRecord]:
-        same = isinstance(one, Packet) and one.place.number == target.place.number
+        same = isinstance(one, Packet) and one.number == target.number
         yield one._replace(payload=changed) if same and isinstance(one, Packet) else one
 
     result = replay_file(rewrite(recording, change))
     assert result.compared - result.identical == 1
     assert result.first.startswith("A3 measured +0.2 mrad (recorded ")
-    assert f"t=1.000 s, cycle 1000, packet {target.place.number}" in result.first
+    assert f"t=1.000 s, cycle 1000, packet {target.number}" in result.first
     assert list(result.fields) == ["A3 measured"]
     assert result.fields["A3 measured"].largest == pytest.approx(0.2e-3)
 
@@ -227,10 +227,10 @@ def test_datagrams_of_the_controller_that_are_missing_or_new_are_told(recording:
     mine = [one for one in packets(recording) if one.source == FRI_BOUND]
 
     def change(one: CaptureRecord) -> Iterator[CaptureRecord]:
-        if isinstance(one, Packet) and one.place.number == mine[50].place.number:
+        if isinstance(one, Packet) and one.number == mine[50].number:
             return
         yield one
-        if isinstance(one, Packet) and one.place.number == mine[80].place.number:
+        if isinstance(one, Packet) and one.number == mine[80].number:
             yield one
 
     result = replay_file(rewrite(recording, change))
@@ -268,7 +268,7 @@ def test_a_truncated_file_is_replayed_up_to_the_damage(recording: Path, missing:
 
 def test_damage_in_the_middle_costs_only_what_is_behind_it(recording: Path) -> None:
     content = bytearray(recording.read_bytes())
-    at = packets(recording)[200].place.offset
+    at = packets(recording)[200].offset
     content[at + 4] ^= 0xFF
     recording.write_bytes(content)
     result = replay_file(recording)
@@ -337,7 +337,7 @@ def _insert(file: Path, entry: LostEntry | FailedEntry) -> None:
 
 
 def _at_ms(packet: Packet) -> int:
-    return (packet.place.at_unix_ns - UNIX_EPOCH_NS) // 1_000_000
+    return (packet.at_unix_ns - UNIX_EPOCH_NS) // 1_000_000
 
 
 def test_update_makes_what_the_emulator_says_the_recording(tmp_path: Path) -> None:

@@ -10,8 +10,11 @@ from collections.abc import Callable, Iterator, Mapping
 from enum import IntEnum
 from typing import Final, NamedTuple, TypeAlias
 
+from hil.values.tuples import new_tuple
+
 _HEAD: Final = struct.Struct("<BBH")
 _TICK: Final = struct.Struct("<qqqI")
+_WHOLE_TICK: Final = struct.Struct("<BBHqqqI")
 _TIME: Final = struct.Struct("<q")
 _COUNT: Final = struct.Struct("<Q")
 MAX_TEXT_BYTES: Final = 4096
@@ -103,6 +106,15 @@ def encode_entry(entry: Entry) -> bytes:
             return _entry(EntryKind.LOST, 0, _COUNT.pack(records))
         case EndEntry():
             return _entry(EntryKind.END, 0, b"")
+
+
+def single_tick(data: bytes) -> TickEntry | None:
+    """Return the entry of a cycle if ``data`` is that and nothing else, as it nearly always is; a fifth of the time."""
+    if len(data) != _WHOLE_TICK.size or data[0] != EntryKind.TICK:
+        return None
+    _, robot, _, due_ns, lateness_ns, departed_ns, crc32 = _WHOLE_TICK.unpack(data)
+    tick: TickEntry = new_tuple(TickEntry, (robot, due_ns, lateness_ns, departed_ns, crc32))
+    return tick
 
 
 def read_entries(data: bytes) -> Iterator[Entry]:

@@ -5,7 +5,7 @@ interfaces and any resolution of time stamps; classic pcap of microseconds and n
 """
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Final, NamedTuple
@@ -25,10 +25,10 @@ from transport.capture.blocks import (
     Block,
     read_blocks,
 )
-from transport.capture.endpoints import Endpoint
 from transport.capture.errors import CaptureError
-from transport.capture.frames import LINK_ETHERNET, FrameDecoder, endpoints_of
-from transport.capture.records import CapturedDatagram, CaptureRecord, Notes, Packet, Place
+from transport.capture.frames import LINK_ETHERNET, FrameDecoder
+from transport.capture.records import CapturedDatagram, CaptureRecord, Notes, Packet
+from transport.capture.usual import UsualPackets
 
 _NS_PER_S: Final = 1_000_000_000
 _DEFAULT_TICKS_PER_S: Final = 1_000_000
@@ -36,18 +36,6 @@ _DEFAULT_TICKS_PER_S: Final = 1_000_000
 _PACKET_START: Final = 28
 """Where the frame begins in an enhanced or obsolete packet block."""
 _BLOCK_END_BYTES: Final = 4
-_MAX_ROUTES: Final = 1024
-_ETHERNET_BYTES: Final = 14
-_IP_BYTES: Final = 20
-_OWN_PAYLOAD_AT: Final = _ETHERNET_BYTES + _IP_BYTES + 8
-_OWN_BLOCK: Final = struct.Struct("<8xIIIII")
-_OWN_HEADERS: Final = struct.Struct("!12xHBxHxxHxB14xH")
-_OWN_ROUTE: Final = slice(_PACKET_START + 26, _PACKET_START + 38)
-"""Addresses and ports, which lie side by side."""
-_IPV4: Final = 0x0800
-_IPV4_NO_OPTIONS: Final = 0x45
-_UDP: Final = 17
-_OWN_BYTES: Final = _PACKET_START + _OWN_PAYLOAD_AT + _BLOCK_END_BYTES
 _VERSION_MAJOR: Final = 1
 _PACKET_KINDS: Final = frozenset({PACKET, OLD_PACKET, SIMPLE_PACKET, CLASSIC_PACKET})
 _OPTIONS_AT: Final = {SECTION_HEADER: 24, INTERFACE: 16, STATISTICS: 20}
@@ -75,16 +63,16 @@ class _Tally:
     read_bytes: int = 0
 
 
-class RecordReader(Iterator[CaptureRecord]):
-    """Everything of a capture in file order; the file is closed at the end or with the reader."""
+class RecordReader(Iterable[CaptureRecord]):
+    """Everything of a capture in file order, once; the file is closed at the end or with the reader."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._tally = _Tally()
         self._records = _records(path, self._tally)
 
-    def __next__(self) -> CaptureRecord:
-        return next(self._records)
+    def __iter__(self) -> Iterator[CaptureRecord]:
+        return self._records
 
     @property
     def skipped(self) -> int:
@@ -144,19 +132,21 @@ def _records(path: Path, tally: _Tally) -> Iterator[CaptureRecord]:
     section = _Section(path)
     with _open(path) as file:
         for block in read_blocks(file, path):
-            tally.read_bytes = block.offset + len(block.data)
-            if block.kind in _PACKET_KINDS:
+            offset, kind, _, data = block
+            tally.read_bytes = offset + len(data)
+            if kind in _PACKET_KINDS:
                 tally.packets += 1
-                packet, notes = section.packet(block, tally.packets)
+                usual = section.usual.read(data, offset, tally.packets) if section.is_usual else None
+                packet, notes = usual or section.packet(block, tally.packets)
                 if notes:
-                    yield Notes(block.offset, notes)
+                    yield Notes(offset, notes)
                 if packet is None:
                     tally.skipped += 1
                 else:
                     yield packet
-            elif block.kind == STATISTICS:
+            elif kind == STATISTICS:
                 for notes in _notes(block, path):
-                    yield Notes(block.offset, notes)
+                    yield Notes(offset, notes)
             else:
                 section.describe(block)
 
@@ -229,7 +219,9 @@ class _Section:
         self._path = path
         self._interfaces: list[_Interface] = []
         self._decoder = FrameDecoder()
-        self._routes: dict[bytes, tuple[Endpoint, Endpoint]] = {}
+        self.usual = UsualPackets()
+        self.is_usual = False
+        """Whether its packets may be such as our writer lays out."""
 
     def describe(self, block: Block) -> None:
         """Take a block that holds no packet."""
@@ -241,48 +233,22 @@ class _Section:
                 self._interfaces.append(_interface(block, self._path))
             case blocks.CLASSIC_FILE:
                 self._interfaces.append(_classic_interface(block))
+        if self._interfaces and block.kind == INTERFACE:
+            first = self._interfaces[0]
+            self.is_usual = block.byte_order == "<" and first.link_type == LINK_ETHERNET and first.in_unix_ns
+        else:
+            self.is_usual = False
 
     def packet(self, block: Block, number: int) -> tuple[Packet | None, bytes]:
         """Return the datagram of a packet's block, None where it holds none, and the notes before it."""
         kind = block.kind
         if kind == PACKET:
-            return self._own(block, number) or self._enhanced(block, number)
+            return self._enhanced(block, number)
         if kind == OLD_PACKET:
             return self._enhanced(block, number)
         if kind == CLASSIC_PACKET:
             return self._classic(block, number), b""
         return None, b""  # a simple packet has no time stamp
-
-    def _own(self, block: Block, number: int) -> tuple[Packet, bytes] | None:
-        """Read a packet as our writer lays it out; None for one that is laid out otherwise. A replay reads these."""
-        data = block.data
-        if block.byte_order != "<" or len(data) < _OWN_BYTES:
-            return None
-        interface_id, high, low, captured, full = _OWN_BLOCK.unpack_from(data)
-        ethertype, version, total, fragment, protocol, length = _OWN_HEADERS.unpack_from(data, _PACKET_START)
-        if ethertype != _IPV4 or version != _IPV4_NO_OPTIONS or fragment or protocol != _UDP:
-            return None
-        if captured != full or captured != total + _ETHERNET_BYTES or total != length + _IP_BYTES:
-            return None
-        found = options.own_packet_options(data, _PACKET_START + captured + -captured % 4)
-        if found is None or interface_id >= len(self._interfaces):
-            return None
-        interface = self._interfaces[interface_id]
-        if interface.link_type != LINK_ETHERNET:
-            return None
-        route = data[_OWN_ROUTE]
-        ends = self._routes.get(route)
-        if ends is None:
-            ends = endpoints_of(route)
-            if len(self._routes) < _MAX_ROUTES:
-                self._routes[route] = ends
-        end = _PACKET_START + captured
-        at_unix_ns = high << 32 | low
-        if not interface.in_unix_ns:
-            at_unix_ns = interface.unix_ns(at_unix_ns)
-        place = Place(number, block.offset, at_unix_ns, found[0])
-        payload = data[_PACKET_START + _OWN_PAYLOAD_AT : end]
-        return Packet(place, ends[0], ends[1], payload, data[_PACKET_START:end], _OWN_PAYLOAD_AT), found[1]
 
     def _classic(self, block: Block, number: int) -> Packet | None:
         seconds, fraction, captured, full = struct.unpack_from(f"{block.byte_order}IIII", block.data)
@@ -291,7 +257,7 @@ class _Section:
         interface = self._interfaces[0]
         at_unix_ns = interface.unix_ns(seconds * interface.ticks_per_s + fraction)
         frame = block.data[CLASSIC_PACKET_BYTES:]
-        return self._located(Place(number, block.offset, at_unix_ns, None), frame, interface.link_type)
+        return self._located((number, block.offset, at_unix_ns, None), frame, interface.link_type)
 
     def _enhanced(self, block: Block, number: int) -> tuple[Packet | None, bytes]:
         data = block.data
@@ -317,14 +283,14 @@ class _Section:
             return None, notes
         interface = self._interfaces[interface_id]
         frame = data[_PACKET_START : _PACKET_START + captured]
-        place = Place(number, block.offset, interface.unix_ns(high << 32 | low), crc32)
+        place = number, block.offset, interface.unix_ns(high << 32 | low), crc32
         return self._located(place, frame, interface.link_type), notes
 
     def _damaged(self, block: Block, number: int, reason: str) -> CaptureError:
         return CaptureError(self._path, reason, offset=block.offset, packet=number)
 
-    def _located(self, place: Place, frame: bytes, link_type: int) -> Packet | None:
+    def _located(self, place: tuple[int, int, int, int | None], frame: bytes, link_type: int) -> Packet | None:
         found = self._decoder.locate(link_type, frame)
         if found is None:
             return None
-        return Packet(place, found.source, found.destination, frame[found.start : found.end], frame, found.start)
+        return Packet(*place, found.source, found.destination, frame[found.start : found.end], frame, found.start)

@@ -20,22 +20,16 @@ class CapturedDatagram:
     """What UDP carried, at most 65507 bytes."""
 
 
-class Place(NamedTuple):
-    """Where a packet is in a capture file, and when it passed."""
+class Packet(NamedTuple):
+    """A UDP datagram of a capture file, and where it is there. One is made for each that is read: it is flat."""
 
     number: int
-    """From 1, as Wireshark counts."""
+    """Of the packet in the file, from 1, as Wireshark counts."""
     offset: int
     """Where its block begins in the file [bytes]."""
     at_unix_ns: int
     recorded_crc32: int | None
     """CRC-32 of the frame as the recorder noted it; None where it noted none."""
-
-
-class Packet(NamedTuple):
-    """A UDP datagram of a capture file."""
-
-    place: Place
     source: Endpoint
     destination: Endpoint
     payload: bytes
@@ -47,7 +41,7 @@ class Packet(NamedTuple):
     @property
     def datagram(self) -> CapturedDatagram:
         """What it carries, without its place in the file."""
-        return CapturedDatagram(self.place.at_unix_ns, self.source, self.destination, self.payload)
+        return CapturedDatagram(self.at_unix_ns, self.source, self.destination, self.payload)
 
 
 class Notes(NamedTuple):
