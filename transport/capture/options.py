@@ -20,11 +20,8 @@ _NOTES_MARK: Final = struct.pack("<I8s", _DOCUMENTATION_ENTERPRISE, b"fri-hil\x0
 _CRC32: Final = b"\x02"
 _HEAD: Final = struct.Struct("<HH")
 _HEADS: Final = {order: struct.Struct(f"{order}HH") for order in "<>"}
-_OWN_HASH: Final = _HEAD.pack(HASH, 5) + _CRC32
-_OWN_CRC32: Final = struct.Struct(">I")
-_OWN_HASH_BYTES: Final = 12
-_OWN_END_BYTES: Final = 8
-"""The option that ends them, and the length at the end of the block."""
+OWN_HASH: Final = _HEAD.pack(HASH, 5) + _CRC32
+"""How the option with a packet's CRC-32 begins."""
 MAX_NOTES_BYTES: Final = 65_535 - len(_NOTES_MARK)
 
 
@@ -44,21 +41,15 @@ def notes_option(notes: bytes) -> bytes:
     return option(CUSTOM_NOT_COPIED, _NOTES_MARK + notes)
 
 
-def own_packet_options(block: bytes, at: int) -> tuple[int, bytes] | None:
-    """Return CRC-32 and notes of a block's options as :func:`packet_options` lays them out; None for others."""
-    if not block.startswith(_OWN_HASH, at) or len(block) < at + _OWN_HASH_BYTES + _OWN_END_BYTES:
-        return None
-    (crc32,) = _OWN_CRC32.unpack_from(block, at + len(_OWN_HASH))
-    at += _OWN_HASH_BYTES
-    if len(block) - at == _OWN_END_BYTES:
-        return crc32, b""
-    code, size = _HEAD.unpack_from(block, at)
+def own_notes(block: bytes, at: int, *, end: int) -> bytes | None:
+    """Return the notes in a block's option, as :func:`notes_option` lays it out from ``at`` to ``end``, or None."""
     start = at + _HEAD.size
-    if code != CUSTOM_NOT_COPIED or not block.startswith(_NOTES_MARK, start):
+    if not block.startswith(_NOTES_MARK, start):
         return None
-    if start + size + -size % 4 + _OWN_END_BYTES != len(block):
+    code, size = _HEAD.unpack_from(block, at)
+    if code != CUSTOM_NOT_COPIED or start + size + -size % 4 != end:
         return None
-    return crc32, block[start + len(_NOTES_MARK) : start + size]
+    return block[start + len(_NOTES_MARK) : start + size]
 
 
 def read_options(data: bytes, byte_order: str) -> Iterator[tuple[int, bytes]]:

@@ -58,9 +58,7 @@ class _Interface(NamedTuple):
 class _Tally:
     """What the reading has met; apart from the reader, so that an abandoned reader closes its file at once."""
 
-    packets: int = 0
     skipped: int = 0
-    read_bytes: int = 0
 
 
 class RecordReader(Iterable[CaptureRecord]):
@@ -78,11 +76,6 @@ class RecordReader(Iterable[CaptureRecord]):
     def skipped(self) -> int:
         """Packets passed over so far: not UDP over IPv4, a fragment, cut by the recorder, or without time stamp."""
         return self._tally.skipped
-
-    @property
-    def read_bytes(self) -> int:
-        """How far in the file the reading is [bytes]."""
-        return self._tally.read_bytes
 
 
 class CaptureReader(Iterator[CapturedDatagram]):
@@ -130,14 +123,14 @@ def read_section_comment(path: Path) -> str | None:
 
 def _records(path: Path, tally: _Tally) -> Iterator[CaptureRecord]:
     section = _Section(path)
+    usual = UsualPackets()
+    number = 0
     with _open(path) as file:
         for block in read_blocks(file, path):
             offset, kind, _, data = block
-            tally.read_bytes = offset + len(data)
             if kind in _PACKET_KINDS:
-                tally.packets += 1
-                usual = section.usual.read(data, offset, tally.packets) if section.is_usual else None
-                packet, notes = usual or section.packet(block, tally.packets)
+                number += 1
+                packet, notes = (section.is_usual and usual.read(data, offset, number)) or section.packet(block, number)
                 if notes:
                     yield Notes(offset, notes)
                 if packet is None:
@@ -219,7 +212,6 @@ class _Section:
         self._path = path
         self._interfaces: list[_Interface] = []
         self._decoder = FrameDecoder()
-        self.usual = UsualPackets()
         self.is_usual = False
         """Whether its packets may be such as our writer lays out."""
 

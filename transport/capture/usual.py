@@ -26,6 +26,11 @@ _IPV4: Final = 0x0800
 _IPV4_NO_OPTIONS: Final = 0x45
 _UDP: Final = 17
 _SHORTEST: Final = _FRAME_AT + _PAYLOAD_AT + 4
+_CRC32: Final = struct.Struct(">I")
+_HASH_AT: Final = len(options.OWN_HASH)
+_HASH_BYTES: Final = 12
+_END_BYTES: Final = 8
+"""The option that ends them, and the length at the end of the block."""
 _MAX_ROUTES: Final = 1024
 
 
@@ -48,8 +53,16 @@ class UsualPackets:
             return None
         if captured != full or captured != total + _ETHERNET_BYTES or total != length + _IP_BYTES:
             return None
-        found = options.own_packet_options(block, _FRAME_AT + captured + -captured % 4)
-        if found is None:
+        at = _FRAME_AT + captured + -captured % 4
+        if not block.startswith(options.OWN_HASH, at) or len(block) < at + _HASH_BYTES + _END_BYTES:
+            return None
+        (crc32,) = _CRC32.unpack_from(block, at + _HASH_AT)
+        notes_at = at + _HASH_BYTES
+        if len(block) == notes_at + _END_BYTES:
+            notes = b""
+        elif (found := options.own_notes(block, notes_at, end=len(block) - _END_BYTES)) is not None:
+            notes = found
+        else:
             return None
         route = block[_ROUTE]
         ends = self._routes.get(route)
@@ -65,7 +78,7 @@ class UsualPackets:
                 number,
                 offset,
                 high << 32 | low,
-                found[0],
+                crc32,
                 source,
                 destination,
                 frame[_PAYLOAD_AT:],
@@ -73,4 +86,4 @@ class UsualPackets:
                 _PAYLOAD_AT,
             ),
         )
-        return packet, found[1]
+        return packet, notes
