@@ -17,6 +17,7 @@ import pytest
 from hil.client.pad import PadClient, PadRefused, RobotState, running_controllers
 from hil.client.servo import PTP, Role, ServoClient
 from hil.values.errors import EndpointError
+from tests.support.cli import cli
 from tests.support.processes import ROOT, Ended, finish, hil, own_host, probe, wait_for_line
 from tests.support.servo_process import servo_controller
 
@@ -135,7 +136,7 @@ def test_inputs_are_set_and_listed(folder: Path) -> None:
 
 def test_wrong_usage_is_exit_code_2(folder: Path) -> None:
     for arguments in (["mode", "T3"], ["override"], ["override", "half"], ["jump"]):
-        ended = finish(hil("pad", *arguments))
+        ended = cli("pad", *arguments)
         assert ended.code == 2, ended
     nobody = folder / "nobody"
     ended = pad(nobody, "status")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.cli import cli
 from tests.support.processes import finish, hil, own_host, probe, run_with_probe, wait_for_line
 
 
@@ -85,7 +86,7 @@ def test_a_stranger_is_counted_and_answered_nothing(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_work_ends_in_one_sentence_and_exit_code_2(arguments: list[object], sentence: str) -> None:
-    ended = finish(hil("run", *arguments, "--duration", 1))
+    ended = cli("run", *arguments, "--servo", "off", "--pad", "off", "--duration", 1)
     assert ended.code == 2
     assert sentence in ended.err
     assert "Traceback" not in ended.err

@@ -20,6 +20,7 @@ from hil.client.servo import (
     SmartServo,
     load_key,
 )
+from tests.support.cli import cli
 from tests.support.processes import ROOT, finish, hil, own_host, wait_for_line
 from tests.support.servo_process import servo_controller
 
@@ -104,10 +105,13 @@ def cell(tmp_path: Path) -> Path:
     return file
 
 
-@pytest.mark.parametrize("name", ["smart_servo_cartesian", "direct_servo_cartesian"])
 @pytest.mark.parametrize(
-    ("in_cell", "frame", "reference", "along"),
-    [(False, "flange", "base", "z"), (True, "tip", "table", "y"), (True, "gripper", "world", "x")],
+    ("name", "in_cell", "frame", "reference", "along"),
+    [
+        ("smart_servo_cartesian", False, "flange", "base", "z"),
+        ("direct_servo_cartesian", True, "tip", "table", "y"),
+        ("smart_servo_cartesian", True, "gripper", "world", "x"),
+    ],
 )
 def test_the_cartesian_sample_moves_its_frame_and_draws_it(  # noqa: PLR0917  # parameters of the test
     name: str, in_cell: bool, frame: str, reference: str, along: str, cell: Path, tmp_path: Path
@@ -272,7 +276,7 @@ def test_a_second_controller_on_the_same_port_says_so() -> None:
     ],
 )
 def test_options_that_cannot_work_are_refused_in_words(arguments: list[str], sentence: str) -> None:
-    ended = finish(hil("run", "--fri-client", own_host(), *arguments, "--duration", 1))
+    ended = cli("run", "--fri-client", own_host(), *arguments, "--duration", 1)
     assert ended.code == 2
     assert sentence in ended.err
     assert "Traceback" not in ended.err
