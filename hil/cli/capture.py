@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from hil.client.pad import CaptureInfo, PadClient
+from hil.client.pad import CaptureInfo, PadClient, PadRefused
 from hil.values.errors import EndpointError
 from transport.capture.process import create_file, start_writer
 
@@ -33,9 +33,15 @@ def start(
     """Record from now on. A recording that did not begin with the run is compared, not replayed to the byte."""
     with PadClient(socket_path) as pad, tempfile.TemporaryDirectory(prefix="hil-capture-") as folder:
         place = Path(folder) / "writer.sock"
+        is_new = not file.exists()
         _start_writer(file, place)
         # The writer ends by itself when nobody connects.
-        told = pad.start_capture(place, file.absolute(), ring)
+        try:
+            told = pad.start_capture(place, file.absolute(), ring)
+        except PadRefused:
+            if is_new:
+                file.unlink(missing_ok=True)
+            raise
     typer.echo(f"recording to {told['path']}; hil capture stop ends it, and so does the end of the run")
 
 
@@ -66,7 +72,7 @@ def status(socket_path: Socket = None) -> None:
 
 def _start_writer(file: Path, place: Path) -> None:
     """Start the process that writes: nothing may be started in the controller, whose cycles it would cost."""
-    file_fd = create_file(file)
+    file_fd = create_file(file, keep=True)
     try:
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
             listener.bind(str(place))

@@ -218,6 +218,7 @@ def test_a_capture_is_begun_and_ended_while_the_controller_runs(folder: Path) ->
         ended = capture(place, "start", folder / "other.pcapng")
         assert ended.code == 2
         assert f"a capture to {file} runs already" in ended.err
+        assert not (folder / "other.pcapng").exists()
         assert capture(place, "status").out == f"{file}: recording, 0 packets dropped\n"
         ended = capture(place, "stop")
         assert ended.code == 0, ended.err
@@ -232,6 +233,23 @@ def test_a_capture_is_begun_and_ended_while_the_controller_runs(folder: Path) ->
     assert result.notes[0].startswith(
         f"the recording began {header.robots[0].cycles_before} cycles after the controller"
     )
+
+
+def test_a_capture_that_is_refused_leaves_the_file_as_it_was(folder: Path) -> None:
+    place, file, older = folder / "x", folder / "run.pcapng", folder / "older.pcapng"
+    older.write_bytes(b"what was recorded yesterday")
+    with running(place, own_host()):
+        assert capture(place, "start", older, "--ring", "many").code == 2
+        assert older.read_bytes() == b"what was recorded yesterday"
+        assert capture(place, "start", file).code == 0
+        assert capture(place, "start", older).code == 2
+        assert older.read_bytes() == b"what was recorded yesterday"
+        assert capture(place, "start", file).code == 2  # nor is the one that is being written emptied
+        ended = capture(place, "stop")
+        assert ended.out == f"{file}: complete, 0 packets dropped, {len(packets(file))} written\n"
+        assert capture(place, "start", older).code == 0  # one that is taken replaces what was there
+        assert capture(place, "stop").code == 0
+    assert packets(older)
 
 
 def test_the_end_of_the_run_completes_a_capture(folder: Path) -> None:

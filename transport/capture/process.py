@@ -112,10 +112,13 @@ def _start_writer(path: Path) -> tuple[socket.socket, subprocess.Popen[bytes]]:
     return ours, process
 
 
-def create_file(path: Path) -> int:
-    """Create or empty ``path`` and return its descriptor; raise ``CaptureError``."""
+def create_file(path: Path, *, keep: bool = False) -> int:
+    """Create or empty ``path`` and return its descriptor; raise ``CaptureError``.
+
+    ``keep``: what an existing file holds stays until a recorder connects to the writer that listens.
+    """
     try:
-        return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
+        return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | (0 if keep else os.O_TRUNC), 0o666)
     except OSError as error:
         raise cannot_create(path, error) from error
 

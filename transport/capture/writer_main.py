@@ -157,7 +157,12 @@ def main(arguments: Sequence[str]) -> None:
     socket_text, file_text, path, how = arguments
     _give_way()
     link = socket.socket(fileno=int(socket_text))
-    with _accepted(link) if how == "listen" else link as messages:
+    listens = how == "listen"
+    with _accepted(link) if listens else link as messages:
+        if listens:
+            # Not before: where the controller refuses the recording, the file keeps what it holds.
+            with suppress(OSError):  # a device cannot be cut, and need not be
+                os.ftruncate(int(file_text), 0)
         recording = record(messages, int(file_text), Path(path))
         report = {"written": recording.written, "removed": recording.removed, "error": recording.error}
         with suppress(OSError):  # the recorder died; the file is complete all the same
