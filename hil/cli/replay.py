@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from hil.values.errors import UsageError
-from hil.values.fri import Release
+from hil.values.fri import Release, SessionState
 
 if TYPE_CHECKING:
     from hil.replay.replay import ProgressTold
@@ -22,6 +22,8 @@ _MAX = "max"
 _DIFFERENT = 1
 _UNREADABLE = 2
 _FIELDS_SHOWN = 25
+_SESSION_STATE = "session state"
+_STATE_NAMES: dict[object, str] = {int(state): state.name for state in SessionState}
 
 
 def replay(  # noqa: PLR0917  # typer makes the options of the parameters; nobody calls this with positions
@@ -166,13 +168,15 @@ def _field_table(result: "ReplayResult") -> Table:
     table = Table("field", "messages", "first at", "recorded", "emulator", "largest difference")
     for name, tally in list(result.fields.items())[:_FIELDS_SHOWN]:
         first = tally.first_difference
-        largest = f"{tally.largest:.4g} {first.unit}".strip() if tally.largest else ""
+        # The distance between two states is no size of anything.
+        is_measure = bool(tally.largest) and name != _SESSION_STATE
+        largest = f"{tally.largest:.4g} {first.unit}".strip() if is_measure else ""
         table.add_row(
             name,
             str(tally.count),
             f"{tally.first.t_s:.3f} s",
-            _number(first.recorded),
-            _number(first.emulated),
+            _value(name, first.recorded),
+            _value(name, first.emulated),
             largest,
         )
     return table
@@ -185,8 +189,16 @@ def _state_table(result: "ReplayResult") -> Table:
     return table
 
 
-def _number(value: object) -> str:
-    return f"{value:.9g}" if isinstance(value, float) else _plain(str(value))
+def _value(field: str, value: object) -> str:
+    if value is None:
+        return "nothing"
+    if isinstance(value, float):
+        return f"{value:.9g}"
+    if hasattr(value, "_fields"):
+        return "something"  # a whole part of the message, that the other one has not
+    if field == _SESSION_STATE and value in _STATE_NAMES:
+        return _STATE_NAMES[value]
+    return _plain(str(value))
 
 
 def _plain(text: str) -> str:

@@ -2,7 +2,9 @@
 
 import pytest
 
-from hil.replay.fields import differences
+from hil.cli.replay import _show
+from hil.replay.fields import FieldDifference, differences
+from hil.replay.result import Moment, ReplayResult
 from hil.values.fri_messages import (
     CommandData,
     CommandMessage,
@@ -14,6 +16,7 @@ from hil.values.fri_messages import (
     TimeStamp,
     Transformation,
 )
+from hil.values.link import Address
 
 SEVEN = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
 MONITOR = MonitorData(SEVEN, SEVEN, SEVEN, SEVEN, SEVEN, (1.0,) * 6, (), None, None, TimeStamp(1, 2))
@@ -91,3 +94,23 @@ def test_a_vector_of_another_length_is_one_difference() -> None:
 def test_messages_of_two_kinds_are_one_difference() -> None:
     [found] = differences(MESSAGE, CommandMessage(1, 1))
     assert str(found) == "message: recorded MonitoringMessage, emulator CommandMessage"
+
+
+def test_a_table_names_session_states_and_tells_whole_parts_in_a_word(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "160")
+    result = ReplayResult("run.pcapng", own=False, compared=2, identical=1)
+    found = [
+        FieldDifference("session state", "", 4, 2),
+        FieldDifference("ipo", "", Address("a part of a message", 1), None),
+        FieldDifference("A3 commanded", "rad", 0.5, 0.75),
+    ]
+    result.differ(Moment("arm", 1.0, 1000, 2001), found)
+    _show(result, drawn=None)
+    rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("│")]
+    assert [[cell.strip() for cell in row.split("│")[4:7]] for row in rows] == [
+        ["COMMANDING_ACTIVE", "MONITORING_READY", ""],
+        ["something", "nothing", ""],
+        ["0.5", "0.75", "0.25 rad"],
+    ]
