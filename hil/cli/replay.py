@@ -89,10 +89,10 @@ def replay(  # noqa: PLR0917  # typer makes the options of the parameters; nobod
     if drawing is not None:
         drawing.save(result)
     if not alone:
-        _show(result, drawn=plot)
+        _show(result, drawn=plot, update=update)
     if result.damage:
         raise typer.Exit(_UNREADABLE)
-    if result.own and not result.equal and not result.updated:
+    if (result.own and not result.equal and not result.updated) or not (result.compared or result.extra):
         raise typer.Exit(_DIFFERENT)
 
 
@@ -127,11 +127,11 @@ def _bar(file: Path, *, shown: bool) -> "Iterator[ProgressTold | None]":
         yield tell
 
 
-def _show(result: "ReplayResult", *, drawn: Path | None) -> None:
+def _show(result: "ReplayResult", *, drawn: Path | None, update: bool) -> None:
     console = Console(highlight=False)
     colour = "green" if result.equal else "yellow" if not result.own else "red"
     console.print(f"[{colour}]{_plain(result.verdict)}[/{colour}]")
-    for line in _remarks(result):
+    for line in _remarks(result, update=update):
         console.print(_plain(line))
     if result.fields:
         console.print(_field_table(result))
@@ -145,7 +145,7 @@ def _show(result: "ReplayResult", *, drawn: Path | None) -> None:
         console.print(f"[red]{_plain(result.damage)}[/red]; what is before that was replayed")
 
 
-def _remarks(result: "ReplayResult") -> Iterator[str]:
+def _remarks(result: "ReplayResult", *, update: bool) -> Iterator[str]:
     factor = result.real_time_factor
     if factor is not None:
         yield (
@@ -154,6 +154,8 @@ def _remarks(result: "ReplayResult") -> Iterator[str]:
         )
     if result.updated:
         yield "the recording holds now what the emulator says"
+    elif update:
+        yield "the recording was left as it was"
     for text in result.altered:
         yield f"changed after it was recorded: {text}"
     if result.own and not result.complete and not result.damage:

@@ -10,6 +10,7 @@ from hil.values.robot import JOINT_COUNT, JOINT_NAMES
 from hil.values.servo import State
 
 _MOST_POINTS: Final = 4000
+_SUFFIXES: Final = (".png", ".svg", ".pdf")
 
 
 class Drawing:
@@ -18,6 +19,8 @@ class Drawing:
     def __init__(self, file: Path) -> None:
         if not file.parent.is_dir():
             raise ConfigurationError(f"cannot write {file}: there is no folder {file.parent}")
+        if file.suffix not in _SUFFIXES:
+            raise ConfigurationError(f"cannot draw {file}; valid endings: {', '.join(_SUFFIXES)}")
         self._file = file
         self._robot: str | None = None
         self._every = 1
@@ -70,7 +73,7 @@ class Drawing:
                 above.axvline(t_s, color="grey", linewidth=0.5)
                 above.annotate(state, (t_s, 0.02), xycoords=("data", "axes fraction"), rotation=90, fontsize=6)
         above.set_ylabel("measured position, rad\n(dotted: emulator)")
-        above.legend(ncols=JOINT_COUNT, fontsize=8, loc="upper center")
+        above.legend(ncols=JOINT_COUNT, fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0))
         below.set_ylabel("emulator minus\nrecording, mrad")
         below.set_xlabel("time of the recording, s")
         figure.suptitle(Path(result.file).name)

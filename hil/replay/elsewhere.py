@@ -141,6 +141,13 @@ class Beside:
             token_secret=b"replay",
             first_sequence_counter=first.sequence_counter,
         )
+        connection = first.connection
+        if connection is not None and connection.session_state > SessionState.MONITORING_WAIT:
+            state = SessionState(connection.session_state).name
+            self._result.note(
+                f"{self._name}: the recording begins in {state}, the emulator at the beginning of a session, at rest: "
+                f"until it has caught up, the differences say nothing of it"
+            )
         # The recorded robot application starts its overlay when it likes: until then the program waits.
         controller.operate(Press(PadKey.PAUSE), now_ns=0)
         return controller

@@ -22,6 +22,7 @@ from transport.capture.journal import (
     EndEntry,
     Entry,
     FailedEntry,
+    JournalError,
     LostEntry,
     TickEntry,
     inputs_crc32,
@@ -32,13 +33,14 @@ from transport.servo import ServoCodec
 
 _MAX_KEPT_INPUTS = 64
 _MAX_SOURCES = 1024
+_MOST_NS = 1 << 62
 
 
 class Sink(Protocol):
     """Takes the recording anew, with what the emulator sent in the place of what was recorded."""
 
     def note(self, entry: Entry) -> None:
-        """Take an entry of the journal."""
+        """Take an entry of the journal; raise ``JournalError`` for one that cannot be."""
 
     def put(self, datagram: CapturedDatagram) -> None:
         """Take a datagram."""
@@ -59,7 +61,7 @@ class _Robot:
     """Datagrams since the last cycle, the first ones."""
     told_altered: bool = False
     """Whether one of them was told to be changed."""
-    t_ns: int = 0
+    t_ns: int = -1
     departed_ns: int = 0
     cycle: int = -1
     ended: bool = False
@@ -133,7 +135,7 @@ class ExactReplay:
         self._output(route[0], route[1], packet)
 
     def entry(self, entry: Entry) -> None:
-        """Take an entry of the journal."""
+        """Take an entry of the journal; raise ``JournalError`` for one that cannot be."""
         match entry:
             case TickEntry():
                 self.tick(entry)
@@ -145,7 +147,7 @@ class ExactReplay:
             case EndEntry():
                 self._result.complete = True
             case ActionEntry() | CloseEntry() | FailedEntry():
-                self._told(self._robots[entry.robot], entry)
+                self._told(self._robot(entry.robot), entry)
         if self._sink is not None:
             self._sink.note(entry)
 
@@ -156,6 +158,11 @@ class ExactReplay:
                 self._missing(robot)
             self._result.cycles += robot.cycle + 1
             self._result.recorded_s = max(self._result.recorded_s, robot.t_ns / 1e9)
+
+    def _robot(self, number: int) -> _Robot:
+        if number >= len(self._robots):
+            raise JournalError(f"robot {number} is told of; the run had {len(self._robots)}")
+        return self._robots[number]
 
     def _told(self, robot: _Robot, entry: ActionEntry | CloseEntry | FailedEntry) -> None:
         if robot.ended:
@@ -179,10 +186,17 @@ class ExactReplay:
                 robot.ended = True
 
     def tick(self, entry: TickEntry) -> None:
-        """Take the entry of a cycle: run it, and keep what the core said to be compared."""
-        robot = self._robots[entry.robot]
+        """Take the entry of a cycle: run it, and keep what the core said to be compared.
+
+        Raises ``JournalError`` for an entry that cannot be.
+        """
+        robot = self._robot(entry.robot)
         if robot.ended:
             return
+        if not robot.t_ns < entry.due_ns <= _MOST_NS or not -_MOST_NS <= entry.lateness_ns <= _MOST_NS:
+            raise JournalError(
+                f"a cycle at {entry.due_ns} ns, {entry.lateness_ns} ns late, after one at {robot.t_ns} ns"
+            )
         if self._pace is not None:
             self._pace(entry.due_ns)
         if robot.said:

@@ -17,11 +17,11 @@ from hil.replay.exact import ExactReplay
 from hil.replay.guess import Flow, flow_of
 from hil.replay.result import ReplayResult, Watcher
 from hil.runtime.capture_header import ARITHMETIC, CaptureHeader, read_header
-from hil.values.errors import MalformedDatagram, UsageError
+from hil.values.errors import BackendError, MalformedDatagram, UsageError
 from hil.values.fri import Release
 from hil.values.link import Address
 from transport.capture.errors import CaptureError
-from transport.capture.journal import Entry, encode_entry, read_entries, single_tick
+from transport.capture.journal import Entry, JournalError, encode_entry, read_entries, single_tick
 from transport.capture.parts import first_and_number, parts_from
 from transport.capture.reading import RecordReader, read_records, read_section_comment
 from transport.capture.records import CapturedDatagram, CaptureRecord, Notes, Packet
@@ -31,6 +31,7 @@ from transport.fri import FriCodec
 _PROGRESS_EVERY: Final = 2000
 _RECORDS_AT_ONCE: Final = 3000
 _MOST_FLOWS: Final = 16
+_OUR_COMMENT: Final = '{"software":"fri-hil'
 _LEAST_LOOKED_AT: Final = 1000
 _MOST_LOOKED_AT: Final = 200_000
 """Datagrams that are looked at before a recording is compared, to learn what its controllers were."""
@@ -86,6 +87,8 @@ def replay_elsewhere(
     parts = parts_from(file)
     if header is not None:
         _tell_why_not_own(header, file, result)
+    elif (read_section_comment(file) or "").startswith(_OUR_COMMENT):
+        result.note("it looks like one of fri-hil, but what it says of its run is damaged: compared, not replayed")
     flows = _looked_through(parts, wish)
     began_ns = elapsed_ns()
     beside: dict[tuple[Address, Address], Beside] = {}
@@ -210,7 +213,14 @@ def replay_own(
     gc.collect()
     gc.freeze()
     began_ns = elapsed_ns()
-    with closing(ExactReplay(header, result, sink=rewrite, pace=pace, watch=watch)) as replay:
+    try:
+        replay = ExactReplay(header, result, sink=rewrite, pace=pace, watch=watch)
+    except (UsageError, BackendError) as error:
+        if rewrite is not None:
+            rewrite.end(keep=False)
+        reason = f"the controller it tells of cannot be made here: {error}"
+        raise CaptureError(file, reason, offset=0) from error
+    with closing(replay):
         _feed(replay, parts, result, progress)
     result.took_s = (elapsed_ns() - began_ns) / 1e9
     gc.unfreeze()
@@ -221,29 +231,21 @@ def replay_own(
 
 def _feed(replay: ExactReplay, parts: list[Path], result: ReplayResult, progress: ProgressTold | None) -> None:
     records = _records(parts, result, progress)
-    # By the hundred, because reading and the controller drive each other's code and data out of the processor's caches.
-    while some := list(islice(records, _RECORDS_AT_ONCE)):
-        for record in some:
-            if type(record) is Packet:
-                replay.packet(record)
-            elif (tick := single_tick(record.entries)) is not None:  # type: ignore[union-attr]  # the others are notes
-                replay.tick(tick)
-            elif isinstance(record, Notes) and not _take_notes(replay, record, parts, result):
-                replay.finish()
-                return
-    replay.finish()
-
-
-def _take_notes(replay: ExactReplay, notes: Notes, parts: list[Path], result: ReplayResult) -> bool:
-    """Take the entries of a journal; return whether they could be read."""
     try:
-        for entry in read_entries(notes.entries):
-            replay.entry(entry)
-    except ValueError as error:
-        damaged = CaptureError(parts[-1], f"the recorder's notes are damaged: {error}", offset=notes.offset)
+        # Many at once: reading and the controller drive each other's code and data out of the processor's caches.
+        while some := list(islice(records, _RECORDS_AT_ONCE)):
+            for record in some:
+                if type(record) is Packet:
+                    replay.packet(record)
+                elif (tick := single_tick(record.entries)) is not None:  # type: ignore[union-attr]  # the others are notes
+                    replay.tick(tick)
+                elif isinstance(record, Notes):
+                    for entry in read_entries(record.entries):
+                        replay.entry(entry)
+    except JournalError as error:
+        damaged = CaptureError(parts[-1], f"the recorder's notes are damaged: {error}", offset=record.offset)
         result.damage = str(damaged)
-        return False
-    return True
+    replay.finish()
 
 
 def _records(parts: list[Path], result: ReplayResult, progress: ProgressTold | None) -> Iterator[CaptureRecord]:

@@ -38,13 +38,14 @@ class Moment(NamedTuple):
     t_s: float
     """On the robot's core axis [s]."""
     cycle: int
-    """Control cycles of 0 and later."""
+    """From 0; -1 where control cycles are not known."""
     packet: int
     """Number in the file, from 1; 0 where there is none."""
 
     def __str__(self) -> str:
+        cycle = f", cycle {self.cycle}" if self.cycle >= 0 else ""
         place = f", packet {self.packet}" if self.packet else ""
-        return f"t={self.t_s:.3f} s, cycle {self.cycle}{place}"
+        return f"t={self.t_s:.3f} s{cycle}{place}"
 
 
 @dataclass(slots=True)
@@ -107,7 +108,12 @@ class ReplayResult:
 
     @property
     def equal(self) -> bool:
-        """Whether every byte is as recorded."""
+        """Whether every byte is as recorded, and there was something to compare, and nothing was unreadable."""
+        return self.compared > 0 and self.alike and not self.damage
+
+    @property
+    def alike(self) -> bool:
+        """Whether what could be compared is as recorded."""
         return not (self.compared - self.identical or self.missing or self.extra or self.altered_count)
 
     @property
@@ -120,9 +126,10 @@ class ReplayResult:
         """Return what was found, in one sentence."""
         if not self.compared and not self.extra:
             return "nothing to compare: the recording holds no datagram of a controller that is understood"
-        if self.equal:
+        if self.alike:
             whole = "byte for byte" if self.own else "byte for byte, though recorded elsewhere"
-            return f"identical {whole}: {self.compared} datagrams of {self.recorded_s:.3f} s"
+            told = f"identical {whole}: {self.compared} datagrams of {self.recorded_s:.3f} s"
+            return f"{told}, up to where the file cannot be read" if self.damage else told
         if not self.own:
             return self._parting
         if self.altered and not self.first:
@@ -149,7 +156,8 @@ class ReplayResult:
             told += f"; emulator and recording part at most in {', '.join(shares)}"
         apart = self.fields.get("session state")
         if apart is not None:
-            told += f"; their session states are not the same in {apart.count} messages, first at {apart.first}"
+            count = f"{apart.count} message{'s' if apart.count > 1 else ''}"
+            told += f"; their session states are not the same in {count}, first at {apart.first}"
         return told
 
     def _largest_of(self, ending: str) -> float | None:

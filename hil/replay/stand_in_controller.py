@@ -78,7 +78,7 @@ class RecordedController:
         if self._expected:
             first = self._expected[0]
             what = f"the client did not answer message {first.message.reflected_sequence_counter}"
-            self._result.differ_whole(Moment("client", first.t_s, 0, first.packet), what)
+            self._result.differ_whole(Moment("client", first.t_s, -1, first.packet), what)
         self._expected.clear()
 
     def _expect(self, packet: Packet) -> None:
@@ -115,12 +115,12 @@ class RecordedController:
             result.identical += 1
             return
         found = list(differences(recorded.message, message._replace(sequence_counter=counter)))
-        result.differ(Moment("client", recorded.t_s, 0, recorded.packet), found)
+        result.differ(Moment("client", recorded.t_s, -1, recorded.packet), found)
 
     def _lost(self, recorded: _Recorded) -> None:
         self._result.extra += 1
         what = f"the client did not answer message {recorded.message.reflected_sequence_counter}"
-        self._result.differ_whole(Moment("client", recorded.t_s, 0, recorded.packet), what)
+        self._result.differ_whole(Moment("client", recorded.t_s, -1, recorded.packet), what)
 
 
 def _later(one: int, other: int) -> bool:

@@ -5,12 +5,13 @@ from importlib import metadata
 from pathlib import Path
 from typing import Annotated, Final, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from hil.arithmetic import arithmetic_fingerprint
 from hil.config.station import RobotConfig, Station
 from hil.core.controller import FRI_LINK
 from hil.core.servo.link import SERVO_LINK
+from hil.values.errors import ConfigurationError
 from hil.values.link import Address
 from hil.version import VERSION
 
@@ -29,10 +30,12 @@ class RobotStart(_Model):
     """One robot of the run, in the order of the station."""
 
     name: str
-    unix_epoch_ns: Annotated[int, Field(description="Unix time of core time 0")]
+    unix_epoch_ns: Annotated[int, Field(ge=0, lt=1 << 63, description="Unix time of core time 0")]
     fri_peer: Annotated[tuple[str, int] | None, Field(description="where the FRI client is")] = None
     bound: Annotated[dict[str, tuple[str, int]], Field(description="by link: where it is served from")] = {}
-    token_secret: Annotated[str, Field(description="what session tokens are made with, hexadecimal")] = ""
+    token_secret: Annotated[
+        str, Field(pattern=r"^([0-9a-f]{2}){0,64}$", description="what session tokens are made with, hexadecimal")
+    ] = ""
     cycles_before: Annotated[int, Field(description="control cycles that had run when the recording began")] = 0
 
     def address(self, link: str) -> Address | None:
@@ -53,6 +56,12 @@ class CaptureHeader(_Model):
     station: Station
     robots: tuple[RobotStart, ...] = ()
     machine: dict[str, str] = {}
+
+    @model_validator(mode="after")
+    def _robots_fit(self) -> Self:
+        if self.robots and [robot.name for robot in self.robots] != [robot.name for robot in self.station.robot]:
+            raise ConfigurationError("the robots of the run are not those of its station")
+        return self
 
     @property
     def complete(self) -> bool:

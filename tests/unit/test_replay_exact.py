@@ -4,7 +4,9 @@ import json
 import random
 import struct
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,7 +15,7 @@ from hil.core.controller import FRI_LINK
 from hil.replay.replay import replay_file
 from hil.replay.result import ReplayResult
 from hil.values.arm import Push
-from hil.values.errors import ConfigurationError, UsageError
+from hil.values.errors import UsageError
 from hil.values.fri import OperationMode, Release, SessionState
 from hil.values.operator import PadKey, Press, SelectMode, SetInput, SetOverride
 from tests.support.recordings import (
@@ -29,7 +31,16 @@ from tests.support.recordings import (
 from tools.bench.clients import BenchMotion
 from tools.bench.recording import BOUND, UNIX_EPOCH_NS, VirtualRun
 from transport.capture.errors import CaptureError
-from transport.capture.journal import FailedEntry, LostEntry, TickEntry, encode_entry, read_entries
+from transport.capture.journal import (
+    ActionEntry,
+    CloseEntry,
+    Entry,
+    FailedEntry,
+    LostEntry,
+    TickEntry,
+    encode_entry,
+    read_entries,
+)
 from transport.capture.records import CapturedDatagram, CaptureRecord, Notes, Packet
 from transport.fri import FriCodec
 from transport.servo import write_key
@@ -262,7 +273,9 @@ def test_a_truncated_file_is_replayed_up_to_the_damage(recording: Path, missing:
     assert result.damage.startswith(f"capture {recording} at byte ")
     assert "truncated" in result.damage
     assert not result.complete
-    assert result.equal
+    assert result.alike
+    assert not result.equal
+    assert result.verdict.endswith("up to where the file cannot be read")
     assert whole.compared - 2 - missing // 300 <= result.compared <= whole.compared
 
 
@@ -274,7 +287,7 @@ def test_damage_in_the_middle_costs_only_what_is_behind_it(recording: Path) -> N
     result = replay_file(recording)
     assert f"at byte {at}" in result.damage
     assert result.compared + result.inputs == 200
-    assert result.equal
+    assert result.alike
 
 
 def test_damaged_notes_are_damage(recording: Path) -> None:
@@ -325,7 +338,7 @@ def test_a_failed_robot_side_ends_the_comparison(recording: Path) -> None:
     assert result.compared == 81
 
 
-def _insert(file: Path, entry: LostEntry | FailedEntry) -> None:
+def _insert(file: Path, entry: Entry) -> None:
     """Note something at t = 0.4 s."""
 
     def change(one: CaptureRecord) -> Iterator[CaptureRecord]:
@@ -375,7 +388,7 @@ def test_a_keyed_link_needs_its_key(tmp_path: Path) -> None:
     run.close()
     assert "cannot read key file" not in replay_file(tmp_path / "run.pcapng").verdict
     key.rename(moved)
-    with pytest.raises(ConfigurationError, match="cannot read key file"):
+    with pytest.raises(CaptureError, match="cannot be made here: cannot read key file"):
         replay_file(tmp_path / "run.pcapng")
     assert replay_file(tmp_path / "run.pcapng", key_file=moved).complete
 
@@ -388,6 +401,64 @@ class _Nobody:
 
     def check(self, controller: object) -> None:
         return
+
+
+HOSTILE: list[tuple[str, Any]] = [
+    ("no robots of the station", lambda told: told["robots"].append(told["robots"][0])),
+    ("token", lambda told: told["robots"][0].update(token_secret="xyz")),  # noqa: S106  # that it is none is the point
+    ("epoch", lambda told: told["robots"][0].update(unix_epoch_ns=-5)),
+    ("port", lambda told: told["robots"][0].update(fri_peer=["x", 1 << 70])),
+    ("same addresses", lambda told: told["robots"][0].update(bound={"fri": ["127.0.0.1", 30200]})),
+    ("model", lambda told: told["station"]["robot"][0].update(model="lbr-iiw`-14-r820")),
+    ("backend", lambda told: told["station"]["robot"][0].update(backend="/bin/sh")),
+    ("key", lambda told: told["station"]["robot"][0].update(servo={"key_file": "/etc/shadow"})),
+    ("seed", lambda told: told["station"]["robot"][0].update(seed=1 << 80)),
+    ("deep", lambda told: told.update(machine={"x": "y" * 60_000})),
+]
+
+
+@pytest.mark.parametrize(("what", "change"), HOSTILE, ids=[what for what, _ in HOSTILE])
+def test_a_hostile_header_is_a_sentence_or_a_comparison(recording: Path, what: str, change: Any) -> None:
+    told = json.loads(header_of(recording).to_comment())
+    change(told)
+    rewrite(recording, lambda one: iter((one,)), comment=json.dumps(told)[:65_535])
+    with suppress(CaptureError):
+        assert not replay_file(recording).equal or what == "deep"
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        TickEntry(3, 500_000_000, 0, 500_000_000, 0),
+        TickEntry(0, 0, 0, 0, 0),
+        TickEntry(0, 1 << 62, 1 << 62, 1 << 62, 0),
+        ActionEntry(200, 0, "{}"),
+        CloseEntry(255, 0),
+    ],
+)
+def test_entries_that_cannot_be_are_damage(recording: Path, entry: TickEntry | ActionEntry | CloseEntry) -> None:
+    _insert(recording, entry)
+    result = replay_file(recording)
+    assert "the recorder's notes are damaged" in result.damage or entry.robot == 0
+    assert result.compared >= 80
+
+
+@pytest.mark.parametrize("action", ["", "no JSON", "[]", '{"do": "jump"}'])
+def test_actions_that_are_none_are_told(recording: Path, action: str) -> None:
+    _insert(recording, ActionEntry(0, 400_000_000, action))
+    assert "an action of the operator is not understood" in replay_file(recording).notes[0]
+
+
+def test_any_byte_of_a_file_may_be_another_one(recording: Path, commanding: bytes) -> None:
+    chooser = random.Random(11)
+    for _ in range(40):
+        content = bytearray(commanding[:60_000])
+        for _ in range(chooser.randrange(1, 4)):
+            content[chooser.randrange(len(content))] ^= 1 << chooser.randrange(8)
+        recording.write_bytes(content)
+        with suppress(CaptureError):
+            result = replay_file(recording)
+            assert not result.equal
 
 
 def test_only_a_whole_recording_of_ours_can_be_updated(recording: Path) -> None:

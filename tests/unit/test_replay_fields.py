@@ -107,7 +107,7 @@ def test_a_table_names_session_states_and_tells_whole_parts_in_a_word(
         FieldDifference("A3 commanded", "rad", 0.5, 0.75),
     ]
     result.differ(Moment("arm", 1.0, 1000, 2001), found)
-    _show(result, drawn=None)
+    _show(result, drawn=None, update=False)
     rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith("│")]
     assert [[cell.strip() for cell in row.split("│")[4:7]] for row in rows] == [
         ["COMMANDING_ACTIVE", "MONITORING_READY", ""],

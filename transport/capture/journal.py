@@ -20,6 +20,10 @@ _COUNT: Final = struct.Struct("<Q")
 MAX_TEXT_BYTES: Final = 4096
 
 
+class JournalError(ValueError):
+    """Bytes that are no entry, or an entry that cannot be."""
+
+
 class EntryKind(IntEnum):
     """Numbers are those in the file."""
 
@@ -118,16 +122,16 @@ def single_tick(data: bytes) -> TickEntry | None:
 
 
 def read_entries(data: bytes) -> Iterator[Entry]:
-    """Yield the entries of ``data``; raise ``ValueError`` where it is none. Kinds of later versions are passed over."""
+    """Yield the entries of ``data``; raise :class:`JournalError` where it is none. Unknown kinds are passed over."""
     at = 0
     while at < len(data):
         if at + _HEAD.size > len(data):
-            raise ValueError(f"{len(data) - at} bytes are no head of an entry")
+            raise JournalError(f"{len(data) - at} bytes are no head of an entry")
         kind, robot, size = _HEAD.unpack_from(data, at)
         at += _HEAD.size
         content = data[at : at + size]
         if len(content) < size:
-            raise ValueError(f"an entry of {size} bytes has only {len(content)}")
+            raise JournalError(f"an entry of {size} bytes has only {len(content)}")
         at += size
         entry = _read(kind, robot, content)
         if entry is not None:
@@ -147,7 +151,7 @@ def _read(kind: int, robot: int, content: bytes) -> Entry | None:
     try:
         return None if read is None else read(robot, content)
     except (struct.error, UnicodeDecodeError) as error:
-        raise ValueError(f"an entry of kind {kind} is damaged: {error}") from error
+        raise JournalError(f"an entry of kind {kind} is damaged: {error}") from error
 
 
 def _time(content: bytes) -> int:
