@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 from zlib import crc32
 
+from hil.config.station import RobotConfig
 from hil.core.controller import FRI_LINK, Controller
 from hil.core.servo.link import SERVO_LINK
 from hil.replay.altered import alteration
@@ -32,6 +33,8 @@ from transport.servo import ServoCodec
 
 _MAX_KEPT_INPUTS = 64
 _MAX_SOURCES = 1024
+_LAST_NS = 1 << 62
+"""146 years: the core is not told of a later time, nor of one so long before the run."""
 
 
 class Sink(Protocol):
@@ -93,9 +96,17 @@ class ExactReplay:
         self._robots: list[_Robot] = []
         self._routes: dict[tuple[str, int], tuple[_Robot, str]] = {}
         self._sources: dict[tuple[str, tuple[str, int]], Source] = {}
-        for number, start in enumerate(header.robots):
-            config = header.config(number)
-            parts = open_parts(config)
+        try:
+            for number, start in enumerate(header.robots):
+                self._add(start, header.config(number))
+        except BaseException:
+            self.close()
+            raise
+
+    def _add(self, start: RobotStart, config: RobotConfig) -> None:
+        """Make a robot's fresh controller."""
+        parts = open_parts(config)
+        try:
             controller = make_controller(
                 config,
                 parts,
@@ -103,17 +114,20 @@ class ExactReplay:
                 fri_peer=start.fri_client,
                 token_secret=bytes.fromhex(start.token_secret) or None,
             )
-            decoders: dict[tuple[str, bool], Callable[[bytes], object]] = {}
-            if config.fri is not None:
-                codec = FriCodec(config.fri.release)
-                decoders[FRI_LINK, True] = codec.decode_monitoring
-                decoders[FRI_LINK, False] = codec.decode_command
-            if isinstance(parts.servo_codec, ServoCodec):
-                decoders[SERVO_LINK, True] = parts.servo_codec.decode_from_controller
-                decoders[SERVO_LINK, False] = parts.servo_codec.decode_from_client
-            robot = _Robot(start, controller, parts, decoders)
-            self._robots.append(robot)
-            self._routes.update({address: (robot, link) for link, address in start.bound.items()})
+        except BaseException:
+            parts.backend.close()
+            raise
+        decoders: dict[tuple[str, bool], Callable[[bytes], object]] = {}
+        if config.fri is not None:
+            codec = FriCodec(config.fri.release)
+            decoders[FRI_LINK, True] = codec.decode_monitoring
+            decoders[FRI_LINK, False] = codec.decode_command
+        if isinstance(parts.servo_codec, ServoCodec):
+            decoders[SERVO_LINK, True] = parts.servo_codec.decode_from_controller
+            decoders[SERVO_LINK, False] = parts.servo_codec.decode_from_client
+        robot = _Robot(start, controller, parts, decoders)
+        self._robots.append(robot)
+        self._routes.update({address: (robot, link) for link, address in start.bound.items()})
 
     def close(self) -> None:
         """Release the robot sides."""
@@ -133,7 +147,7 @@ class ExactReplay:
         self._output(route[0], route[1], packet)
 
     def entry(self, entry: Entry) -> None:
-        """Take an entry of the journal."""
+        """Take an entry of the journal; raise ``ValueError`` for a robot or a time that the run has not."""
         match entry:
             case TickEntry():
                 self.tick(entry)
@@ -145,7 +159,7 @@ class ExactReplay:
             case EndEntry():
                 self._result.complete = True
             case ActionEntry() | CloseEntry() | FailedEntry():
-                self._told(self._robots[entry.robot], entry)
+                self._told(self._robot(entry.robot, entry.at_ns), entry)
         if self._sink is not None:
             self._sink.note(entry)
 
@@ -156,6 +170,13 @@ class ExactReplay:
                 self._missing(robot)
             self._result.cycles += robot.cycle + 1
             self._result.recorded_s = max(self._result.recorded_s, robot.t_ns / 1e9)
+
+    def _robot(self, number: int, at_ns: int) -> _Robot:
+        if number >= len(self._robots):
+            raise ValueError(f"an entry of robot {number}, and the run has {len(self._robots)}, from 0")
+        if not 0 <= at_ns <= _LAST_NS:
+            raise ValueError(f"an entry of the time {at_ns} ns; valid: 0 to {_LAST_NS}")
+        return self._robots[number]
 
     def _told(self, robot: _Robot, entry: ActionEntry | CloseEntry | FailedEntry) -> None:
         if robot.ended:
@@ -179,8 +200,13 @@ class ExactReplay:
                 robot.ended = True
 
     def tick(self, entry: TickEntry) -> None:
-        """Take the entry of a cycle: run it, and keep what the core said to be compared."""
-        robot = self._robots[entry.robot]
+        """Take the entry of a cycle: run it, and keep what the core said to be compared; errors as of :meth:`entry`."""
+        robot = self._robot(entry.robot, entry.due_ns)
+        if not (-_LAST_NS <= entry.lateness_ns <= _LAST_NS and 0 <= entry.departed_ns <= _LAST_NS):
+            raise ValueError(
+                f"a cycle {entry.lateness_ns} ns late, whose datagrams left at {entry.departed_ns} ns; "
+                f"valid: up to {_LAST_NS}"
+            )
         if robot.ended:
             return
         if self._pace is not None:
@@ -214,13 +240,17 @@ class ExactReplay:
         recorded = packet.recorded_crc32
         if recorded is not None and recorded != crc32(packet.frame):
             robot.told_altered = True
-            what = alteration(packet, robot.decoders.get((link, False), bytes))
-            self._result.alter(f"{self._input_in_words(robot, link, packet)}: {what}")
+            if self._result.tells_altered:
+                what = alteration(packet, robot.decoders.get((link, False), bytes))
+                self._result.alter(f"{self._input_in_words(robot, link, packet)}: {what}")
+            else:
+                self._result.altered_count += 1
         robot.inputs_crc32 = inputs_crc32(packet.payload, at_ns, robot.inputs_crc32)
         if len(robot.inputs) < _MAX_KEPT_INPUTS:
             robot.inputs.append(packet)
         if not robot.ended:
-            robot.controller.receive(packet.payload, self._source(link, packet.source), now_ns=at_ns)
+            told_ns = at_ns if -_LAST_NS <= at_ns <= _LAST_NS else robot.t_ns  # its time stamp is damaged
+            robot.controller.receive(packet.payload, self._source(link, packet.source), now_ns=told_ns)
         if self._sink is not None:
             self._sink.put(packet.datagram)
 
@@ -230,8 +260,11 @@ class ExactReplay:
         result = self._result
         recorded = packet.recorded_crc32
         if recorded is not None and recorded != crc32(packet.frame):
-            what = alteration(packet, robot.decoders.get((link, True), bytes))
-            result.alter(f"the controller's datagram at {self._moment(robot, packet)}: {what}")
+            if result.tells_altered:
+                what = alteration(packet, robot.decoders.get((link, True), bytes))
+                result.alter(f"the controller's datagram at {self._moment(robot, packet)}: {what}")
+            else:
+                result.altered_count += 1
         if not robot.said:
             moment = self._moment(robot, packet)
             result.extra += 1
