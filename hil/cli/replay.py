@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from hil.values.errors import UsageError
@@ -204,4 +205,5 @@ def _value(field: str, value: object) -> str:
 
 
 def _plain(text: str) -> str:
-    return text.replace("[", r"\[")
+    """What a file says is shown as it is: neither markup of ours nor orders to the terminal."""
+    return escape("".join(one if one.isprintable() else "\N{REPLACEMENT CHARACTER}" for one in text))

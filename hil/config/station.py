@@ -284,6 +284,14 @@ def parse_station(content: dict[str, Any], *, where: str) -> Station:
         raise ConfigurationError(f"{where}: {_first_problems(error)}") from None
 
 
+def parse_robot(content: dict[str, Any], *, where: str) -> RobotConfig:
+    """Return the robot that ``content`` describes; errors as those of :func:`parse_station`."""
+    try:
+        return RobotConfig.model_validate(content)
+    except ValidationError as error:
+        raise ConfigurationError(f"{where}: {_first_problems(error)}") from None
+
+
 def _first_problems(error: ValidationError, most: int = 3) -> str:
     problems = error.errors(include_url=False)
     told = [f"{_place(problem['loc'])}{_message(problem)}" for problem in problems[:most]]

@@ -15,7 +15,7 @@ from typing import Final
 from hil.config.station import RobotConfig
 from hil.core.controller import FRI_LINK, Controller
 from hil.replay.fields import differences
-from hil.replay.guess import Flow, value_of
+from hil.replay.guess import Flow, state_of, value_of
 from hil.replay.result import Moment, ReplayResult, Watcher
 from hil.runtime.assembly import make_controller, open_parts
 from hil.values.errors import BackendError, MalformedDatagram
@@ -84,6 +84,10 @@ class Beside:
         except MalformedDatagram as error:
             self._result.note(f"packet {packet.number} is no monitoring message ({error}): passed over")
             return
+        state = state_of(message)
+        if state is None:
+            self._result.note(f"packet {packet.number} tells of a session state that there is not: passed over")
+            return
         index = (message.sequence_counter - self._first_counter) % SEQUENCE_MODULUS
         if self._finished or not self._last_index < index <= self._last_index + _MOST_MISSING:
             self._begin_anew(packet, message)
@@ -93,7 +97,7 @@ class Beside:
                 what = f"messages are missing in the recording, first at {self._moment(index)}"
                 self._result.note(f"{self._name}: {what}")
             self._lost_messages += index - self._last_index - 1
-        self._act(message, index)
+        self._act(message, state, index)
         self._run_before(index * self._period_ns + 1)
         self._anchor_unix_ns = packet.at_unix_ns
         self._last_index = index
@@ -168,9 +172,8 @@ class Beside:
         self._commanding = self._failed = self._finished = False
         self._recorded_state = self._emulated_state = SessionState.IDLE
 
-    def _act(self, message: MonitoringMessage, index: int) -> None:
+    def _act(self, message: MonitoringMessage, state: SessionState, index: int) -> None:
         """Do what the robot application and the periphery did before this message."""
-        state = SessionState.IDLE if message.connection is None else SessionState(message.connection.session_state)
         commanding = state >= SessionState.COMMANDING_WAIT
         inputs = _changed_inputs(message.monitor, self._inputs)
         if commanding == self._commanding and not inputs and state is not SessionState.IDLE:
@@ -240,9 +243,9 @@ class Beside:
 
     def _note_states(self, t_s: float, recorded: MonitoringMessage, emulated: MonitoringMessage) -> None:
         for whose, message in (("recording", recorded), ("emulator", emulated)):
-            state = SessionState.IDLE if message.connection is None else SessionState(message.connection.session_state)
+            state = state_of(message)
             before = self._recorded_state if whose == "recording" else self._emulated_state
-            if state is before:
+            if state is None or state is before:
                 continue
             if whose == "recording":
                 self._recorded_state = state

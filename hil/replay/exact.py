@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 from zlib import crc32
 
+from hil.config.station import RobotConfig
 from hil.core.controller import FRI_LINK, Controller
 from hil.core.servo.link import SERVO_LINK
 from hil.replay.altered import alteration
@@ -33,7 +34,8 @@ from transport.servo import ServoCodec
 
 _MAX_KEPT_INPUTS = 64
 _MAX_SOURCES = 1024
-_MOST_NS = 1 << 62
+_LAST_NS = 1 << 62
+"""146 years: the core is not told of a later time, nor of one so long before the run."""
 
 
 class Sink(Protocol):
@@ -95,9 +97,17 @@ class ExactReplay:
         self._robots: list[_Robot] = []
         self._routes: dict[tuple[str, int], tuple[_Robot, str]] = {}
         self._sources: dict[tuple[str, tuple[str, int]], Source] = {}
-        for number, start in enumerate(header.robots):
-            config = header.config(number)
-            parts = open_parts(config)
+        try:
+            for number, start in enumerate(header.robots):
+                self._add(start, header.config(number))
+        except BaseException:
+            self.close()
+            raise
+
+    def _add(self, start: RobotStart, config: RobotConfig) -> None:
+        """Make a robot's fresh controller."""
+        parts = open_parts(config)
+        try:
             controller = make_controller(
                 config,
                 parts,
@@ -105,17 +115,20 @@ class ExactReplay:
                 fri_peer=start.fri_client,
                 token_secret=bytes.fromhex(start.token_secret) or None,
             )
-            decoders: dict[tuple[str, bool], Callable[[bytes], object]] = {}
-            if config.fri is not None:
-                codec = FriCodec(config.fri.release)
-                decoders[FRI_LINK, True] = codec.decode_monitoring
-                decoders[FRI_LINK, False] = codec.decode_command
-            if isinstance(parts.servo_codec, ServoCodec):
-                decoders[SERVO_LINK, True] = parts.servo_codec.decode_from_controller
-                decoders[SERVO_LINK, False] = parts.servo_codec.decode_from_client
-            robot = _Robot(start, controller, parts, decoders)
-            self._robots.append(robot)
-            self._routes.update({address: (robot, link) for link, address in start.bound.items()})
+        except BaseException:
+            parts.backend.close()
+            raise
+        decoders: dict[tuple[str, bool], Callable[[bytes], object]] = {}
+        if config.fri is not None:
+            codec = FriCodec(config.fri.release)
+            decoders[FRI_LINK, True] = codec.decode_monitoring
+            decoders[FRI_LINK, False] = codec.decode_command
+        if isinstance(parts.servo_codec, ServoCodec):
+            decoders[SERVO_LINK, True] = parts.servo_codec.decode_from_controller
+            decoders[SERVO_LINK, False] = parts.servo_codec.decode_from_client
+        robot = _Robot(start, controller, parts, decoders)
+        self._robots.append(robot)
+        self._routes.update({address: (robot, link) for link, address in start.bound.items()})
 
     def close(self) -> None:
         """Release the robot sides."""
@@ -135,7 +148,7 @@ class ExactReplay:
         self._output(route[0], route[1], packet)
 
     def entry(self, entry: Entry) -> None:
-        """Take an entry of the journal; raise ``JournalError`` for one that cannot be."""
+        """Take an entry of the journal; raise ``JournalError`` for a robot or a time that the run has not."""
         match entry:
             case TickEntry():
                 self.tick(entry)
@@ -147,7 +160,7 @@ class ExactReplay:
             case EndEntry():
                 self._result.complete = True
             case ActionEntry() | CloseEntry() | FailedEntry():
-                self._told(self._robot(entry.robot), entry)
+                self._told(self._robot(entry.robot, entry.at_ns), entry)
         if self._sink is not None:
             self._sink.note(entry)
 
@@ -159,9 +172,11 @@ class ExactReplay:
             self._result.cycles += robot.cycle + 1
             self._result.recorded_s = max(self._result.recorded_s, robot.t_ns / 1e9)
 
-    def _robot(self, number: int) -> _Robot:
+    def _robot(self, number: int, at_ns: int) -> _Robot:
         if number >= len(self._robots):
-            raise JournalError(f"robot {number} is told of; the run had {len(self._robots)}")
+            raise JournalError(f"an entry of robot {number}, and the run has {len(self._robots)}, from 0")
+        if not 0 <= at_ns <= _LAST_NS:
+            raise JournalError(f"an entry of the time {at_ns} ns; valid: 0 to {_LAST_NS}")
         return self._robots[number]
 
     def _told(self, robot: _Robot, entry: ActionEntry | CloseEntry | FailedEntry) -> None:
@@ -186,23 +201,22 @@ class ExactReplay:
                 robot.ended = True
 
     def tick(self, entry: TickEntry) -> None:
-        """Take the entry of a cycle: run it, and keep what the core said to be compared.
-
-        Raises ``JournalError`` for an entry that cannot be.
-        """
-        robot = self._robot(entry.robot)
+        """Take the entry of a cycle: run it, and keep what the core said to be compared; errors as of :meth:`entry`."""
+        robot = self._robot(entry.robot, entry.due_ns)
         if robot.ended:
             return
-        if not robot.t_ns < entry.due_ns <= _MOST_NS or not -_MOST_NS <= entry.lateness_ns <= _MOST_NS:
+        if not (
+            robot.t_ns < entry.due_ns
+            and -_LAST_NS <= entry.lateness_ns <= _LAST_NS
+            and 0 <= entry.departed_ns <= _LAST_NS
+        ):
             raise JournalError(
-                f"a cycle at {entry.due_ns} ns, {entry.lateness_ns} ns late, after one at {robot.t_ns} ns"
+                f"a cycle at {entry.due_ns} ns after one at {robot.t_ns} ns, {entry.lateness_ns} ns late, whose "
+                f"datagrams left at {entry.departed_ns} ns"
             )
         if self._pace is not None:
             self._pace(entry.due_ns)
-        if robot.said:
-            self._missing(robot)
-        if robot.inputs_crc32 != entry.inputs_crc32:
-            self._inputs_altered(robot)
+        self._before_cycle(robot, entry)
         controller = robot.controller
         try:
             controller.tick(now_ns=entry.due_ns, lateness_ns=entry.lateness_ns)
@@ -222,19 +236,30 @@ class ExactReplay:
             for one in said:
                 self._sink.put(self._sent(robot, one))
 
+    def _before_cycle(self, robot: _Robot, entry: TickEntry) -> None:
+        """What was said in the cycle before is compared by now, and what was told since is what was recorded."""
+        if robot.said:
+            self._missing(robot)
+        if robot.inputs_crc32 != entry.inputs_crc32:
+            self._inputs_altered(robot)
+
     def _input(self, robot: _Robot, link: str, packet: Packet) -> None:
         self._result.inputs += 1
         at_ns = packet.at_unix_ns - robot.unix_epoch_ns
         recorded = packet.recorded_crc32
         if recorded is not None and recorded != crc32(packet.frame):
             robot.told_altered = True
-            what = alteration(packet, robot.decoders.get((link, False), bytes))
-            self._result.alter(f"{self._input_in_words(robot, link, packet)}: {what}")
+            if self._result.tells_altered:
+                what = alteration(packet, robot.decoders.get((link, False), bytes))
+                self._result.alter(f"{self._input_in_words(robot, link, packet)}: {what}")
+            else:
+                self._result.altered_count += 1
         robot.inputs_crc32 = inputs_crc32(packet.payload, at_ns, robot.inputs_crc32)
         if len(robot.inputs) < _MAX_KEPT_INPUTS:
             robot.inputs.append(packet)
         if not robot.ended:
-            robot.controller.receive(packet.payload, self._source(link, packet.source), now_ns=at_ns)
+            told_ns = at_ns if -_LAST_NS <= at_ns <= _LAST_NS else robot.t_ns  # its time stamp is damaged
+            robot.controller.receive(packet.payload, self._source(link, packet.source), now_ns=told_ns)
         if self._sink is not None:
             self._sink.put(packet.datagram)
 
@@ -244,8 +269,11 @@ class ExactReplay:
         result = self._result
         recorded = packet.recorded_crc32
         if recorded is not None and recorded != crc32(packet.frame):
-            what = alteration(packet, robot.decoders.get((link, True), bytes))
-            result.alter(f"the controller's datagram at {self._moment(robot, packet)}: {what}")
+            if result.tells_altered:
+                what = alteration(packet, robot.decoders.get((link, True), bytes))
+                result.alter(f"the controller's datagram at {self._moment(robot, packet)}: {what}")
+            else:
+                result.altered_count += 1
         if not robot.said:
             moment = self._moment(robot, packet)
             result.extra += 1

@@ -3,13 +3,24 @@
 Facts: fri-wire page. Releases 1.11 to 1.16 look the same on the wire but for inputs and outputs, which begin with 1.14.
 """
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 from hil.config.control import ControlName
-from hil.config.station import RobotConfig
+from hil.config.station import RobotConfig, parse_robot
 from hil.values.errors import MalformedDatagram
-from hil.values.fri import ClientCommandMode, ControlMode, IODirection, IOType, OperationMode, OverlayKind, Release
+from hil.values.fri import (
+    ClientCommandMode,
+    ControlMode,
+    IODirection,
+    IOType,
+    OperationMode,
+    OverlayKind,
+    Release,
+    SessionState,
+)
 from hil.values.fri_messages import IOValue, MonitoringMessage
 from hil.values.link import Address
 from hil.values.robot import JOINT_COUNT, Seven
@@ -18,18 +29,19 @@ from transport.capture.records import Packet
 from transport.fri import FriCodec
 
 FRAMED: Final = Release.V2_7
-_OVERLAYS: Final = {
+_OVERLAYS: Final[Mapping[int, OverlayKind]] = {
     ClientCommandMode.JOINT_POSITION: OverlayKind.JOINT_POSITION,
     ClientCommandMode.WRENCH: OverlayKind.WRENCH,
     ClientCommandMode.TORQUE: OverlayKind.TORQUE,
     ClientCommandMode.CARTESIAN_POSE: OverlayKind.CARTESIAN_POSE,
 }
-_CONTROLS: Final = {
+_CONTROLS: Final[Mapping[int, ControlName]] = {
     ControlMode.POSITION: ControlName.POSITION,
     ControlMode.JOINT_IMPEDANCE: ControlName.JOINT_IMPEDANCE,
     ControlMode.CARTESIAN_IMPEDANCE: ControlName.CARTESIAN_IMPEDANCE,
 }
 DEFAULT_QUALITY_RISE_MS: Final = 500
+_LARGEST_ANGLE_RAD: Final = 2 * math.pi
 
 
 @dataclass(slots=True)
@@ -58,6 +70,9 @@ class Flow:
         position = monitor.commanded_position or monitor.measured_position
         if position is None or len(position) != JOINT_COUNT:
             return None
+        # No arm is there, and MuJoCo would complain of it in a file of its own.
+        if not all(abs(angle) <= _LARGEST_ANGLE_RAD for angle in position):
+            return None
         a1, a2, a3, a4, a5, a6, a7 = position
         return (a1, a2, a3, a4, a5, a6, a7)
 
@@ -83,9 +98,9 @@ class Flow:
         if connection is not None:
             fri["send_period_ms"] = connection.send_period_ms or 1
             fri["receive_multiplier"] = connection.receive_multiplier or 1
-        overlay = OverlayKind.NONE if self.command_mode is None else _OVERLAYS.get(ClientCommandMode(self.command_mode))
+        overlay = OverlayKind.NONE if self.command_mode is None else _OVERLAYS.get(self.command_mode)
         fri["overlay"] = overlay or OverlayKind.NONE
-        control = None if self.control_mode is None else _CONTROLS.get(ControlMode(self.control_mode))
+        control = None if self.control_mode is None else _CONTROLS.get(self.control_mode)
         if control is not None and overlay is not OverlayKind.NONE:
             own = base.fri.control if base.fri is not None and base.fri.control.mode is control else None
             fri["control"] = {"mode": control} if own is None else own.model_dump(exclude_unset=True)
@@ -96,11 +111,11 @@ class Flow:
         robot = self.first.robot
         told: dict[str, Any] = {**base.model_dump(exclude_unset=True), "fri": fri, "servo": None, "enabled": True}
         told["io"] = self._groups() or told.get("io", ())
-        if robot is not None and robot.operation_mode is not None:
+        if robot is not None and robot.operation_mode in set(OperationMode):
             told["mode"] = OperationMode(robot.operation_mode).name
         if backend is not None:
             told["backend"] = backend
-        return RobotConfig.model_validate(told)
+        return parse_robot(told, where=f"no emulator can be what the controller at {self.controller} says it is")
 
     def _quality_rise_ms(self) -> int:
         """Return how long the recorded quality took for a step: it rises two before the state may be READY."""
@@ -112,6 +127,8 @@ class Flow:
         monitor = self.first.monitor
         groups: dict[str, list[dict[str, Any]]] = {}
         for value in () if monitor is None else monitor.inputs_outputs:
+            if value.type not in set(IOType) or value.direction not in set(IODirection):
+                continue
             group, _, name = value.name.partition(".")
             groups.setdefault(group, []).append(
                 {
@@ -122,6 +139,12 @@ class Flow:
                 }
             )
         return tuple({"name": name, "signal": tuple(signals)} for name, signals in groups.items())
+
+
+def state_of(message: MonitoringMessage) -> SessionState | None:
+    """Return the session state of a message, IDLE where it tells none; None for a number that is no state."""
+    number = 0 if message.connection is None else message.connection.session_state
+    return SessionState(number) if number in set(SessionState) else None
 
 
 def value_of(value: IOValue) -> SignalValue:

@@ -208,24 +208,23 @@ def replay_own(
     parts = parts_from(file)
     if update and len(parts) > 1:
         raise UsageError(f"{file} is a ring of {len(parts)} files; only a recording in one file can be updated")
-    rewrite = _Rewrite(file, header) if update else None
-    # What is loaded by now stays: the collector need not look through it each time it looks for rubbish.
-    gc.collect()
-    gc.freeze()
-    began_ns = elapsed_ns()
-    try:
-        replay = ExactReplay(header, result, sink=rewrite, pace=pace, watch=watch)
-    except (UsageError, BackendError) as error:
-        if rewrite is not None:
-            rewrite.end(keep=False)
-        reason = f"the controller it tells of cannot be made here: {error}"
-        raise CaptureError(file, reason, offset=0) from error
-    with closing(replay):
+    with ExitStack() as opened:
+        rewrite = opened.enter_context(closing(_Rewrite(file, header))) if update else None
+        # What is loaded by now stays: the collector need not look through it each time it looks for rubbish.
+        gc.collect()
+        gc.freeze()
+        opened.callback(gc.unfreeze)
+        began_ns = elapsed_ns()
+        try:
+            replay = opened.enter_context(closing(ExactReplay(header, result, sink=rewrite, pace=pace, watch=watch)))
+        except (UsageError, BackendError) as error:
+            reason = f"the controller it tells of cannot be made here: {error}"
+            raise CaptureError(file, reason, offset=0) from error
         _feed(replay, parts, result, progress)
-    result.took_s = (elapsed_ns() - began_ns) / 1e9
-    gc.unfreeze()
-    if rewrite is not None:
-        result.updated = rewrite.end(keep=not result.damage)
+        result.took_s = (elapsed_ns() - began_ns) / 1e9
+        if rewrite is not None and not result.damage:
+            rewrite.keep()
+            result.updated = True
     return result
 
 
@@ -281,7 +280,7 @@ def _how_fast(result: ReplayResult, began_ns: int) -> str:
 
 
 class _Rewrite:
-    """The recording, written anew beside itself, and put into its place at the end."""
+    """The recording, written anew beside itself, and put into its place by :meth:`keep`, else thrown away."""
 
     def __init__(self, file: Path, header: CaptureHeader) -> None:
         self._file = file
@@ -297,11 +296,13 @@ class _Rewrite:
         """Take a datagram."""
         self._writer.write(datagram)
 
-    def end(self, *, keep: bool) -> bool:
-        """Put it into its place, or throw it away; return whether it is there."""
+    def keep(self) -> None:
+        """Put it into its place."""
         self._writer.close()
-        if keep:
-            self._beside.replace(self._file)
-        else:
-            self._beside.unlink()
-        return keep
+        self._beside.replace(self._file)
+
+    def close(self) -> None:
+        """Throw it away, if it was not kept."""
+        with suppress(CaptureError):
+            self._writer.close()
+        self._beside.unlink(missing_ok=True)

@@ -174,10 +174,15 @@ class ReplayResult:
         if text not in self.notes and len(self.notes) < MAX_TOLD:
             self.notes.append(text)
 
+    @property
+    def tells_altered(self) -> bool:
+        """Whether the next one would be told: to find out what was changed in a datagram takes milliseconds."""
+        return len(self.altered) < MAX_TOLD
+
     def alter(self, text: str) -> None:
         """Tell of a datagram that is not what the recorder wrote."""
         self.altered_count += 1
-        if len(self.altered) < MAX_TOLD:
+        if self.tells_altered:
             self.altered.append(text)
 
     def differ(self, moment: Moment, found: list[FieldDifference]) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import Final, NamedTuple
 
-from hil.replay.guess import Flow
+from hil.replay.guess import Flow, state_of
 from hil.values.errors import MalformedDatagram
 from hil.values.fri import SEQUENCE_MODULUS, SessionState
 from hil.values.fri_messages import CommandMessage
@@ -49,11 +49,11 @@ class RecordedClient:
         except MalformedDatagram:
             self.malformed += 1
             return None
-        if message.connection is None:
+        state = state_of(message)
+        if message.connection is None or state is None:
             self.malformed += 1
             return None
         self.received += 1
-        state = SessionState(message.connection.session_state)
         if state is not self._state:
             self._state = state
             self.states.append(state)
@@ -103,8 +103,8 @@ def _answers(flow: Flow, packets: Iterator[Packet], codec: FriCodec) -> Iterator
         with suppress(MalformedDatagram):
             if (source, destination) == (flow.controller, flow.client):
                 message = codec.decode_monitoring(packet.payload)
-                if message.connection is not None:
-                    states[message.sequence_counter] = SessionState(message.connection.session_state)
+                if message.connection is not None and (said := state_of(message)) is not None:
+                    states[message.sequence_counter] = said
                     if len(states) > _REMEMBERED:
                         del states[next(iter(states))]
             elif (source, destination) == (flow.client, flow.controller):

@@ -5,21 +5,33 @@ from importlib import metadata
 from pathlib import Path
 from typing import Annotated, Final, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from hil.arithmetic import arithmetic_fingerprint
 from hil.config.station import RobotConfig, Station
 from hil.core.controller import FRI_LINK
 from hil.core.servo.link import SERVO_LINK
-from hil.values.errors import ConfigurationError
 from hil.values.link import Address
 from hil.version import VERSION
+from transport.capture.endpoints import pack_endpoint
 
 SOFTWARE: Final = f"fri-hil {VERSION}"
 _LIBRARIES: Final = ("mujoco", "numpy", "pin", "ruckig")
 _FORMAT: Final = 1
 ARITHMETIC: Final = "arithmetic"
 """Key of the fingerprint in ``machine``."""
+
+
+_END_OF_TIME_NS: Final = 1 << 63
+_HEXADECIMAL: Final = r"^([0-9a-f]{2})*$"
+
+
+def _endpoint(endpoint: tuple[str, int]) -> tuple[str, int]:
+    pack_endpoint(endpoint)
+    return endpoint
+
+
+_Endpoint = Annotated[tuple[str, int], AfterValidator(_endpoint)]
 
 
 class _Model(BaseModel):
@@ -30,13 +42,13 @@ class RobotStart(_Model):
     """One robot of the run, in the order of the station."""
 
     name: str
-    unix_epoch_ns: Annotated[int, Field(ge=0, lt=1 << 63, description="Unix time of core time 0")]
-    fri_peer: Annotated[tuple[str, int] | None, Field(description="where the FRI client is")] = None
-    bound: Annotated[dict[str, tuple[str, int]], Field(description="by link: where it is served from")] = {}
+    unix_epoch_ns: Annotated[int, Field(ge=0, lt=_END_OF_TIME_NS, description="Unix time of core time 0")]
+    fri_peer: Annotated[_Endpoint | None, Field(description="where the FRI client is")] = None
+    bound: Annotated[dict[str, _Endpoint], Field(description="by link: where it is served from")] = {}
     token_secret: Annotated[
-        str, Field(pattern=r"^([0-9a-f]{2}){0,64}$", description="what session tokens are made with, hexadecimal")
+        str, Field(pattern=_HEXADECIMAL, description="what session tokens are made with, hexadecimal")
     ] = ""
-    cycles_before: Annotated[int, Field(description="control cycles that had run when the recording began")] = 0
+    cycles_before: Annotated[int, Field(ge=0, description="control cycles that had run when the recording began")] = 0
 
     def address(self, link: str) -> Address | None:
         """Return where a link is served from."""
@@ -60,7 +72,11 @@ class CaptureHeader(_Model):
     @model_validator(mode="after")
     def _robots_fit(self) -> Self:
         if self.robots and [robot.name for robot in self.robots] != [robot.name for robot in self.station.robot]:
-            raise ConfigurationError("the robots of the run are not those of its station")
+            raise ValueError("the robots that began are not those of the station")
+        for start, config in zip(self.robots, self.station.robot, strict=False):
+            for link, there in ((FRI_LINK, config.fri), (SERVO_LINK, config.servo)):
+                if there is not None and link not in start.bound:
+                    raise ValueError(f"{start.name}: nothing says where its {link} link was served from")
         return self
 
     @property

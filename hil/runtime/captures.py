@@ -67,9 +67,10 @@ class Captures:
         try:
             link.setblocking(False)
             link.connect(str(writer))
-        except OSError as error:
+        except (OSError, ValueError) as error:  # ValueError: a path with a NUL, or one that is no text
             link.close()
-            return f"no writer of a capture listens at {writer}: {error.strerror or error}"
+            reason = getattr(error, "strerror", None) or error
+            return f"no writer of a capture listens at {str(writer)!r}: {reason}"
         capture = CaptureLink(link, file)
         try:
             capture.begin(self._comment(), ring=None if ring is None else Ring(*ring))

@@ -219,6 +219,7 @@ def test_a_capture_is_begun_and_ended_while_the_controller_runs(folder: Path) ->
         assert ended.code == 2
         assert f"a capture to {file} runs already" in ended.err
         assert not (folder / "other.pcapng").exists()
+        assert capture(place, "start", file).code == 2  # and does not empty the file that is being written
         assert capture(place, "status").out == f"{file}: recording, 0 packets dropped\n"
         ended = capture(place, "stop")
         assert ended.code == 0, ended.err

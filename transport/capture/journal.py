@@ -16,6 +16,8 @@ _HEAD: Final = struct.Struct("<BBH")
 _TICK: Final = struct.Struct("<qqqI")
 _WHOLE_TICK: Final = struct.Struct("<BBHqqqI")
 _TIME: Final = struct.Struct("<q")
+_WRAPPED_TIME: Final = struct.Struct("<Q")
+_MASK: Final = (1 << 64) - 1
 _COUNT: Final = struct.Struct("<Q")
 MAX_TEXT_BYTES: Final = 4096
 
@@ -87,7 +89,8 @@ Entry: TypeAlias = TickEntry | ActionEntry | CloseEntry | FailedEntry | LostEntr
 
 def inputs_crc32(payload: bytes, at_ns: int, before: int = 0) -> int:
     """Return the CRC-32 of the datagrams taken so far and this one, which arrived at ``at_ns``."""
-    return zlib.crc32(payload, zlib.crc32(_TIME.pack(at_ns), before))
+    # A damaged time stamp may be of any size; of one that fits, these are the bytes it has as a signed number.
+    return zlib.crc32(payload, zlib.crc32(_WRAPPED_TIME.pack(at_ns & _MASK), before))
 
 
 def tick_entry(robot: int, *, due_ns: int, lateness_ns: int, departed_ns: int, inputs_crc32: int) -> bytes:

@@ -4,6 +4,7 @@ import errno
 import json
 import socket
 import struct
+import threading
 from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass
@@ -177,11 +178,23 @@ class CaptureLink:
         Waits, so it belongs behind the run.
         """
         if self.summary is None:
-            self._socket.settimeout(timeout_s)
-            while not self.finish():
-                continue
-            return self.take_report()
+            # One alarm bounds all the waiting below, also for a writer that takes a little now and then.
+            alarm = threading.Timer(timeout_s, self._give_up)
+            alarm.daemon = True
+            alarm.start()
+            try:
+                self._socket.settimeout(timeout_s)
+                while not self.finish():
+                    continue
+                return self.take_report()
+            finally:
+                alarm.cancel()
+                alarm.join()
         return self.summary
+
+    def _give_up(self) -> None:
+        with suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)
 
     def release(self) -> None:
         """Release the socket; what is put from now on is dropped."""
@@ -194,12 +207,11 @@ class CaptureLink:
 
     def _summarise(self, report: bytes) -> CaptureSummary:
         written, removed, error = 0, 0, None
-        try:
-            told = json.loads(report)
-            written, removed, refused = told["written"], told["removed"], told["error"]
-        except ValueError:
+        told = _read_report(report, most=self._sent)
+        if told is None:
             error = f"{self._trouble()}; what the file holds is not confirmed"
         else:
+            written, removed, refused = told
             if refused is not None:
                 error = f"{self.path} cannot be written: {refused}"
         self.dropped += self._sent - written - removed
@@ -232,3 +244,18 @@ class CaptureLink:
         self._peer_gone = True
         self.dropped += sum(batch.datagrams for batch in self._waiting)
         self._waiting.clear()
+
+
+def _read_report(report: bytes, *, most: int) -> tuple[int, int, str | None] | None:
+    """Return written and removed packets, of ``most`` that were sent, and what went wrong; None: that is no report."""
+    try:
+        told = json.loads(report)
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(told, dict):
+        return None
+    written, removed, error = (told.get(name) for name in ("written", "removed", "error"))
+    counts = [one for one in (written, removed) if type(one) is int and 0 <= one <= most]
+    if len(counts) < 2 or sum(counts) > most or not isinstance(error, str | None):
+        return None
+    return counts[0], counts[1], error

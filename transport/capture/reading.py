@@ -36,6 +36,9 @@ _DEFAULT_TICKS_PER_S: Final = 1_000_000
 _PACKET_START: Final = 28
 """Where the frame begins in an enhanced or obsolete packet block."""
 _BLOCK_END_BYTES: Final = 4
+_TIME_OFFSET_BYTES: Final = 8
+_MAX_UNIX_NS: Final = (1 << 64) - 1
+"""July 2554: what our own files can hold; a later time stamp is a damaged one, or of a damaged interface."""
 _VERSION_MAJOR: Final = 1
 _PACKET_KINDS: Final = frozenset({PACKET, OLD_PACKET, SIMPLE_PACKET, CLASSIC_PACKET})
 _OPTIONS_AT: Final = {SECTION_HEADER: 24, INTERFACE: 16, STATISTICS: 20}
@@ -186,6 +189,9 @@ def _interface(block: Block, path: Path) -> _Interface:
             base = 2 if content[0] & 0x80 else 10
             ticks_per_s = base ** (content[0] & 0x7F)
         elif code == options.TIME_OFFSET:
+            if len(content) != _TIME_OFFSET_BYTES:
+                reason = f"the block is damaged: an offset of time of {len(content)} bytes, not {_TIME_OFFSET_BYTES}"
+                raise CaptureError(path, reason, offset=block.offset)
             offset_s = int.from_bytes(content, "little" if block.byte_order == "<" else "big", signed=True)
     return _Interface(link_type, ticks_per_s, offset_s, ticks_per_s == _NS_PER_S and not offset_s)
 
@@ -275,7 +281,11 @@ class _Section:
             return None, notes
         interface = self._interfaces[interface_id]
         frame = data[_PACKET_START : _PACKET_START + captured]
-        place = number, block.offset, interface.unix_ns(high << 32 | low), crc32
+        at_unix_ns = interface.unix_ns(high << 32 | low)
+        if not 0 <= at_unix_ns <= _MAX_UNIX_NS:
+            reason = f"its time stamp is {at_unix_ns} ns; valid: 0 to {_MAX_UNIX_NS} since 1970"
+            raise self._damaged(block, number, reason)
+        place = number, block.offset, at_unix_ns, crc32
         return self._located(place, frame, interface.link_type), notes
 
     def _damaged(self, block: Block, number: int, reason: str) -> CaptureError:
