@@ -71,7 +71,7 @@ def with_entry(entry: Entry, *, behind: int) -> Callable[[CaptureRecord], Iterat
         (ActionEntry(255, 0, "{}"), "an entry of robot 255, and the run has 1"),
         (TickEntry(0, -1, 0, 0, 0), "an entry of the time -1 ns"),
         (TickEntry(0, ABSURD_NS - 1, 0, 0, 0), f"an entry of the time {ABSURD_NS - 1} ns"),
-        (TickEntry(0, 20_000_000, -ABSURD_NS, 0, 0), f"a cycle {-ABSURD_NS} ns late"),
+        (TickEntry(0, 20_000_000, -ABSURD_NS, 0, 0), f"{-ABSURD_NS} ns late"),
         (ActionEntry(0, -ABSURD_NS, "{}"), f"an entry of the time {-ABSURD_NS} ns"),
     ],
 )
