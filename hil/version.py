@@ -11,3 +11,5 @@ def _read() -> str:
 
 
 VERSION = _read()
+SOFTWARE = f"fri-hil {VERSION}"
+"""As results, captures and the servo link tell it."""

@@ -18,12 +18,16 @@ from hil.values.robot import JOINT_COUNT, JOINT_NAMES
 
 if TYPE_CHECKING:
     from tools.bench.bounds import Bound
+    from tools.bench.clients import BenchMotion
 
 app = typer.Typer(help="Measure: what a cycle costs, how well it is paced.", no_args_is_help=True)
 
 Robot = Annotated[str, typer.Option(help="Robot model.")]
 Backend = Annotated[str, typer.Option(help="Robot side.")]
 FriVersion = Annotated[Release, typer.Option(help="FRI release of the client.")]
+Motion = Annotated[
+    str, typer.Option(help="What moves the arm: fri-overlay, smart-servo or direct-servo, retargeted each cycle.")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 
 
@@ -32,9 +36,7 @@ def cycle(  # noqa: PLR0917  # typer makes the options of the parameters
     robot: Robot = "lbr-iiwa-14-r820",
     backend: Backend = "mujoco",
     fri_version: FriVersion = Release.V1_15,
-    motion: Annotated[
-        str, typer.Option(help="What moves the arm: fri-overlay, smart-servo or direct-servo, retargeted each cycle.")
-    ] = "fri-overlay",
+    motion: Motion = "fri-overlay",
     control: Annotated[
         ControlName,
         typer.Option(help="Control of the arm under the FRI overlay; impedance comes with its torques or wrenches."),
@@ -48,10 +50,7 @@ def cycle(  # noqa: PLR0917  # typer makes the options of the parameters
     from tools.bench.cycle import as_dict, bench_cycle
     from tools.bench.machine import machine
 
-    try:
-        chosen = BenchMotion(motion)
-    except ValueError:
-        raise UnknownName("motion", motion, [known.value for known in BenchMotion]) from None
+    chosen = _motion(motion)
     if chosen is not BenchMotion.FRI_OVERLAY and control is not ControlName.POSITION:
         raise ConfigurationError(f"--control {control} is measured under the FRI overlay, not under {chosen.value}")
     fri = None
@@ -218,9 +217,7 @@ def kinematics(
 def replay(  # noqa: PLR0917  # typer makes the options of the parameters
     robot: Robot = "lbr-iiwa-14-r820",
     backend: Backend = "mujoco",
-    motion: Annotated[
-        str, typer.Option(help="What moves the arm: fri-overlay, smart-servo or direct-servo, retargeted each cycle.")
-    ] = "fri-overlay",
+    motion: Motion = "fri-overlay",
     seconds: Annotated[float, typer.Option(min=2.0, help="Length of the recording.")] = 30.0,
     repeats: Annotated[int, typer.Option(min=1, max=100, help="Replays of it.")] = 3,
     as_json: AsJson = False,
@@ -230,10 +227,7 @@ def replay(  # noqa: PLR0917  # typer makes the options of the parameters
     from tools.bench.machine import machine
     from tools.bench.replay import as_dict, bench_replay
 
-    try:
-        chosen = BenchMotion(motion)
-    except ValueError:
-        raise UnknownName("motion", motion, [known.value for known in BenchMotion]) from None
+    chosen = _motion(motion)
     links: dict[str, Any] = {"fri": FriConfig()} if chosen is BenchMotion.FRI_OVERLAY else {"servo": ServoConfig()}
     config = RobotConfig(model=robot, backend=backend, **links)
     with _progress("seconds", 2 * seconds) as (bar, task):
@@ -258,6 +252,15 @@ def replay(  # noqa: PLR0917  # typer makes the options of the parameters
     table.add_row("memory", f"{report.resident_mb:.0f} MB, grown by {report.grown_mb:.1f} MB from replay to replay")
     console.print(table)
     _print_bounds(console, report.bounds())
+
+
+def _motion(name: str) -> "BenchMotion":
+    from tools.bench.clients import BenchMotion
+
+    try:
+        return BenchMotion(name)
+    except ValueError:
+        raise UnknownName("motion", name, [known.value for known in BenchMotion]) from None
 
 
 @contextmanager

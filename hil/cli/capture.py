@@ -32,11 +32,6 @@ def start(
 ) -> None:
     """Record from now on. A recording that did not begin with the run is compared, not replayed to the byte."""
     with PadClient(socket_path) as pad, tempfile.TemporaryDirectory(prefix="hil-capture-") as folder:
-        if (running := pad.capture()) is not None and running["state"] != "complete":
-            # Before the file is emptied, which may be the one that is being written.
-            raise PadRefused(
-                f"a capture to {running['path']} runs already, or is being completed: hil capture stop", {}
-            )
         place = Path(folder) / "writer.sock"
         is_new = not file.exists()
         _start_writer(file, place)

@@ -10,7 +10,7 @@ import typer
 from hil.arithmetic import fix_arithmetic
 from hil.cli import pad
 from hil.values.errors import HilError
-from hil.version import VERSION
+from hil.version import SOFTWARE
 
 app = typer.Typer(
     name="hil",
@@ -25,7 +25,7 @@ app = typer.Typer(
 def options(version: Annotated[bool, typer.Option("--version", help="Print the version and end.")] = False) -> None:
     """The open controller emulator for KUKA's light-weight arms: serves unmodified FRI clients over UDP."""
     if version:
-        typer.echo(f"fri-hil {VERSION}")
+        typer.echo(SOFTWARE)
         raise typer.Exit
 
 

@@ -1,6 +1,5 @@
 """``hil replay``: a capture through the controller again, on the virtual clock."""
 
-import json
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -62,10 +61,13 @@ def replay(  # noqa: PLR0917  # typer makes the options of the parameters; nobod
     they part is no error, so its exit code is 0.
     """
     from hil.replay.replay import Wish, replay_file
+    from hil.runtime.lifetime import check_result_file, result_text, write_result_file
 
     elsewhere = beside or fri_version is not None or robot is not None or backend is not None
     pace = _pace(speed)
     alone = json_file == "-"
+    result_file = None if alone or json_file is None else Path(json_file)
+    check_result_file(result_file)
     drawing = None
     if plot is not None:
         from hil.replay.drawing import Drawing
@@ -81,12 +83,9 @@ def replay(  # noqa: PLR0917  # typer makes the options of the parameters; nobod
             update=update,
             watch=drawing,
         )
-    if json_file is not None:
-        text = json.dumps(result.as_dict(), indent=2) + "\n"
-        if alone:
-            sys.stdout.write(text)
-        else:
-            Path(json_file).write_text(text, encoding="utf-8")
+    if alone:
+        sys.stdout.write(result_text(result.as_dict()))
+    write_result_file(result_file, result.as_dict())
     if drawing is not None:
         drawing.save(result)
     if not alone:

@@ -1,13 +1,15 @@
 """``hil stand-in``: one side of a recorded conversation against the living other one."""
 
-import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hil.values.errors import UsageError
 from hil.values.fri import CLIENT_PORT, Release
+
+if TYPE_CHECKING:
+    from hil.replay.result import ReplayResult
 
 app = typer.Typer(
     help="One side of a recorded conversation against the living other one: client, application or controller.",
@@ -34,8 +36,10 @@ def client(
     """Answer a live controller as the recorded FRI client did, state by state."""
     from hil.replay.live import client_against_controller
     from hil.replay.replay import Wish
+    from hil.runtime.lifetime import check_result_file, write_result_file
     from transport.udp import parse_address
 
+    check_result_file(json_file)
     address = parse_address(bind, default_port=CLIENT_PORT)
     played = client_against_controller(file, Wish(fri_version), bind=address, duration_s=duration)
     states = " -> ".join(state.name for state in played.states)
@@ -50,7 +54,7 @@ def client(
         "malformed": played.malformed,
         "states": [state.name for state in played.states],
     }
-    _write(json_file, told)
+    write_result_file(json_file, told)
 
 
 @app.command()
@@ -64,8 +68,10 @@ def application(
 ) -> None:
     """Speak to a live controller as the recorded application did: the same requests at the same times."""
     from hil.replay.live import application_against_controller, controller_address
+    from hil.runtime.lifetime import check_result_file, write_result_file
     from transport.servo import ServoCodec, load_key
 
+    check_result_file(json_file)
     codec = ServoCodec(None if servo_key is None else load_key(servo_key))
     played = application_against_controller(file, controller=controller_address(controller), codec=codec)
     typer.echo(f"{played.sent} packets sent as recorded, {played.states} states came from the live controller")
@@ -76,7 +82,7 @@ def application(
         "malformed": played.malformed,
         "ended_because": played.ended_because,
     }
-    _write(json_file, told)
+    write_result_file(json_file, told)
     if played.ended_because:
         typer.echo(played.ended_because, err=True)
         raise typer.Exit(1)
@@ -98,24 +104,17 @@ def controller(
     """
     from hil.replay.live import controller_against_client
     from hil.replay.replay import Wish
+    from hil.runtime.lifetime import check_result_file
     from transport.udp import default_bind, parse_address, refuse_shared_port
 
+    check_result_file(json_file)
     peer = parse_address(client, default_port=CLIENT_PORT)
     own = default_bind(peer) if bind is None else parse_address(bind, default_port=0)
     refuse_shared_port(bind=own, peer=peer)
     played, result = controller_against_client(file, Wish(fri_version), client=peer, bind=own)
     if not result.inputs:
         raise UsageError(f"no answer came from {peer}: does an FRI client listen there?")
-    if result.equal:
-        typer.echo(f"{played.sent} messages sent as recorded; all {result.identical} answers are those recorded")
-    else:
-        typer.echo(
-            f"{played.sent} messages sent as recorded; {result.identical} of {result.compared + result.extra} answers "
-            f"are those recorded; the first that is not: {result.first}"
-        )
-    _write(json_file, {"sent": played.sent, **result.as_dict()})
-    if not result.equal:
-        raise typer.Exit(1)
+    _end(played.sent, "messages", "answers", result, json_file)
 
 
 @app.command()
@@ -132,23 +131,26 @@ def servo_controller(
     Exit code 0: every request is the recorded one; 1: not.
     """
     from hil.replay.live import controller_address, controller_against_application
+    from hil.runtime.lifetime import check_result_file
     from transport.servo import ServoCodec, load_key
 
+    check_result_file(json_file)
     codec = ServoCodec(None if servo_key is None else load_key(servo_key))
     played, result = controller_against_application(file, bind=controller_address(bind), codec=codec)
+    _end(played.sent, "packets", "requests", result, json_file)
+
+
+def _end(sent: int, what: str, live: str, result: "ReplayResult", json_file: Path | None) -> None:
+    """Say how the ``live`` ones compare with the recorded ones, and end with the exit code."""
+    from hil.runtime.lifetime import write_result_file
+
+    told = f"{sent} {what} sent as recorded; "
     if result.equal:
-        typer.echo(f"{played.sent} packets sent as recorded; all {result.identical} requests are those recorded")
+        told += f"all {result.identical} {live} are those recorded"
     else:
         whole = result.compared + result.extra + result.missing
-        typer.echo(
-            f"{played.sent} packets sent as recorded; {result.identical} of {whole} requests are those recorded; "
-            f"the first that is not: {result.first}"
-        )
-    _write(json_file, {"sent": played.sent, **result.as_dict()})
+        told += f"{result.identical} of {whole} {live} are those recorded; the first that is not: {result.first}"
+    typer.echo(told)
+    write_result_file(json_file, {"sent": sent, **result.as_dict()})
     if not result.equal:
         raise typer.Exit(1)
-
-
-def _write(file: Path | None, told: dict[str, object]) -> None:
-    if file is not None:
-        file.write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Final
 
 from hil.replay.result import ReplayResult
+from hil.runtime.lifetime import check_result_file
 from hil.values.errors import ConfigurationError
 from hil.values.fri_messages import MonitoringMessage
 from hil.values.robot import JOINT_COUNT, JOINT_NAMES
@@ -17,8 +18,7 @@ class Drawing:
     """Takes pairs of messages of the first robot, thinned where there are many; ``save`` draws them."""
 
     def __init__(self, file: Path) -> None:
-        if not file.parent.is_dir():
-            raise ConfigurationError(f"cannot write {file}: there is no folder {file.parent}")
+        check_result_file(file)
         if file.suffix not in _SUFFIXES:
             raise ConfigurationError(f"cannot draw {file}; valid endings: {', '.join(_SUFFIXES)}")
         self._file = file
@@ -27,30 +27,24 @@ class Drawing:
         self._seen = 0
         self._points: list[tuple[float, tuple[float, ...], tuple[float, ...]]] = []
 
-    def pair(self, robot: str, t_s: float, recorded: object, emulated: object) -> None:
-        """Take a recorded message and the emulator's."""
+    def wants(self, robot: str) -> bool:
+        """Whether the next pair of ``robot`` is drawn; asked once for each."""
         if self._robot is None:
             self._robot = robot
         if robot != self._robot:
-            return
+            return False
+        self._seen += 1
+        return self._seen % self._every == 0
+
+    def pair(self, t_s: float, recorded: object, emulated: object) -> None:
+        """Take a recorded message and the emulator's."""
         one, other = _measured(recorded), _measured(emulated)
         if one is None or other is None:
-            return
-        self._seen += 1
-        if self._seen % self._every:
             return
         self._points.append((t_s, one, other))
         if len(self._points) >= _MOST_POINTS:
             self._points = self._points[::2]
             self._every *= 2
-
-    def wants(self) -> bool:
-        """Whether the next message would be drawn."""
-        return (self._seen + 1) % self._every == 0
-
-    def skip(self) -> None:
-        """Pass over a message that :meth:`wants` says is not drawn."""
-        self._seen += 1
 
     def save(self, result: ReplayResult) -> None:
         """Write the picture."""

@@ -230,8 +230,8 @@ class Beside:
         emulated = self._codec.decode_monitoring(said)
         self._note_states(moment.t_s, message, emulated)
         result.reached_s = moment.t_s
-        if self._watch is not None:
-            self._watch.pair(self._name, moment.t_s, message, emulated)
+        if self._watch is not None and self._watch.wants(self._name):
+            self._watch.pair(moment.t_s, message, emulated)
         if said == packet.payload:
             result.identical += 1
             return

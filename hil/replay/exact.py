@@ -318,12 +318,10 @@ class ExactReplay:
     def _show(self, robot: _Robot, link: str, recorded: bytes, said: Outgoing) -> None:
         if self._watch is None or said.link != link:
             return
-        if not self._watch.wants():
-            self._watch.skip()
-            return
-        decode = robot.decoders[link, True]
-        with suppress(MalformedDatagram):
-            self._watch.pair(f"{robot.start.name} {link}", robot.t_ns / 1e9, decode(recorded), decode(said.payload))
+        if self._watch.wants(f"{robot.start.name} {link}"):
+            decode = robot.decoders[link, True]
+            with suppress(MalformedDatagram):
+                self._watch.pair(robot.t_ns / 1e9, decode(recorded), decode(said.payload))
 
     def _missing(self, robot: _Robot) -> None:
         """What was said in the last cycle, and is not in the recording behind it, is missing there."""
@@ -349,12 +347,10 @@ class ExactReplay:
     def _input_in_words(self, robot: _Robot, link: str, packet: Packet) -> str:
         at_s = (packet.at_unix_ns - robot.start.unix_epoch_ns) / 1e9
         what = "datagram"
-        try:
+        with suppress(MalformedDatagram):
             message = robot.decoders.get((link, False), bytes)(packet.payload)
             number = getattr(message, "sequence_counter", getattr(message, "sequence", None))
             what = type(message).__name__ if number is None else f"{type(message).__name__} {number}"
-        except MalformedDatagram:
-            pass
         return f"packet {packet.number}, {what} from {Address(*packet.source)} at t={at_s:.6f} s"
 
     def _sent(self, robot: _Robot, said: Outgoing) -> CapturedDatagram:

@@ -89,7 +89,7 @@ def replay_elsewhere(
         _tell_why_not_own(header, file, result)
     elif (read_section_comment(file) or "").startswith(_OUR_COMMENT):
         result.note("it looks like one of fri-hil, but what it says of its run is damaged: compared, not replayed")
-    flows = _looked_through(parts, wish)
+    flows = _looked_through(packets_of(file), wish)
     began_ns = elapsed_ns()
     beside: dict[tuple[Address, Address], Beside] = {}
     with ExitStack() as opened:
@@ -147,7 +147,7 @@ def _base_config(header: CaptureHeader | None, number: int, flow: Flow, wish: Wi
 def flows_of(file: Path, wish: Wish) -> dict[tuple[Address, Address], Flow]:
     """Return the controllers of ``file`` with their clients; raise ``CaptureError`` where nothing can be read."""
     read_section_comment(file)
-    return _looked_through(parts_from(file), wish)
+    return _looked_through(packets_of(file), wish)
 
 
 def packets_of(file: Path) -> Iterator[Packet]:
@@ -159,29 +159,21 @@ def packets_of(file: Path) -> Iterator[Packet]:
                     yield record
 
 
-def _looked_through(parts: list[Path], wish: Wish) -> dict[tuple[Address, Address], Flow]:
+def _looked_through(packets: Iterator[Packet], wish: Wish) -> dict[tuple[Address, Address], Flow]:
     """Look through the recording for its controllers, as far as they tell more."""
     flows: dict[tuple[Address, Address], Flow] = {}
     codecs: dict[tuple[Address, Address], FriCodec] = {}
-    looked = 0
-    with suppress(CaptureError):
-        for part in parts:
-            for record in read_records(part):
-                if isinstance(record, Notes):
-                    continue
-                looked += 1
-                route = Address(*record.source), Address(*record.destination)
-                flow = flows.get(route)
-                if flow is None:
-                    if (found := flow_of(record, wish.release)) is not None and len(flows) < _MOST_FLOWS:
-                        flows[route], codecs[route] = found, FriCodec(found.release)
-                elif not flow.known:
-                    with suppress(MalformedDatagram):
-                        flow.look(codecs[route].decode_monitoring(record.payload), record.at_unix_ns)
-                if looked >= _MOST_LOOKED_AT:
-                    return flows
-                if looked > _LEAST_LOOKED_AT and flows and all(one.known for one in flows.values()):
-                    return flows
+    for looked, packet in enumerate(islice(packets, _MOST_LOOKED_AT), start=1):
+        route = Address(*packet.source), Address(*packet.destination)
+        flow = flows.get(route)
+        if flow is None:
+            if (found := flow_of(packet, wish.release)) is not None and len(flows) < _MOST_FLOWS:
+                flows[route], codecs[route] = found, FriCodec(found.release)
+        elif not flow.known:
+            with suppress(MalformedDatagram):
+                flow.look(codecs[route].decode_monitoring(packet.payload), packet.at_unix_ns)
+        if looked > _LEAST_LOOKED_AT and flows and all(one.known for one in flows.values()):
+            break
     return flows
 
 

@@ -21,13 +21,10 @@ MAX_TOLD: Final = 20
 class Watcher(Protocol):
     """Looks on: pairs of messages as they are compared."""
 
-    def wants(self) -> bool:
-        """Whether the next pair is to be decoded for it."""
+    def wants(self, robot: str) -> bool:
+        """Whether the next pair of ``robot`` is to be handed over; asked once for each."""
 
-    def skip(self) -> None:
-        """A pair went by that it did not want."""
-
-    def pair(self, robot: str, t_s: float, recorded: object, emulated: object) -> None:
+    def pair(self, t_s: float, recorded: object, emulated: object) -> None:
         """Take a recorded message and the emulator's."""
 
 

@@ -16,7 +16,7 @@ from hil.values.fri_messages import ControllerCodec
 from hil.values.link import Address
 from hil.values.robot import RobotDescription, Seven
 from hil.values.servo import SERVO_PORT, ServoControllerCodec
-from hil.version import VERSION
+from hil.version import SOFTWARE
 from transport.fri import FriCodec
 from transport.servo import ServoCodec, load_key
 from transport.udp import default_bind, parse_address, refuse_shared_port
@@ -151,4 +151,4 @@ def make_controller(
 def _servo_settings(config: RobotConfig, parts: RobotParts, token_secret: bytes) -> ServoSettings | None:
     if config.servo is None:
         return None
-    return ServoSettings(software=f"fri-hil {VERSION}", robot=parts.description.name, token_secret=token_secret)
+    return ServoSettings(software=SOFTWARE, robot=parts.description.name, token_secret=token_secret)

@@ -12,16 +12,13 @@ from hil.config.station import RobotConfig, Station
 from hil.core.controller import FRI_LINK
 from hil.core.servo.link import SERVO_LINK
 from hil.values.link import Address
-from hil.version import VERSION
+from hil.version import SOFTWARE
 from transport.capture.endpoints import pack_endpoint
 
-SOFTWARE: Final = f"fri-hil {VERSION}"
 _LIBRARIES: Final = ("mujoco", "numpy", "pin", "ruckig")
 _FORMAT: Final = 1
 ARITHMETIC: Final = "arithmetic"
 """Key of the fingerprint in ``machine``."""
-
-
 _END_OF_TIME_NS: Final = 1 << 63
 _HEXADECIMAL: Final = r"^([0-9a-f]{2})*$"
 
@@ -113,8 +110,8 @@ class CaptureHeader(_Model):
         return self.model_copy(update={"station": self.station.model_copy(update={"robot": robots})})
 
     def to_comment(self) -> str:
-        """Return the text for the section's comment; what is as it is by itself is left out."""
-        return self.model_dump_json(exclude_unset=False)
+        """Return the text for the section's comment."""
+        return self.model_dump_json()
 
     def config(self, robot: int) -> RobotConfig:
         """Return the configuration of a robot."""
@@ -129,6 +126,3 @@ def read_header(comment: str | None) -> CaptureHeader | None:
         return CaptureHeader.model_validate_json(comment)
     except ValidationError:
         return None
-
-
-__all__ = ["FRI_LINK", "SERVO_LINK", "SOFTWARE", "CaptureHeader", "RobotStart", "read_header"]

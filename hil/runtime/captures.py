@@ -49,7 +49,7 @@ class Captures:
     def open(self) -> None:
         """Create the file the station names, if it names one; raise ``CaptureError``."""
         if self._station.capture is not None:
-            self._own = CaptureProcess(self._station.capture, ring=self._ring())
+            self._own = CaptureProcess(self._station.capture)
 
     def begin(self) -> None:
         """Record from now on, where the station names a file; robots have their time axes, and no cycle has run."""

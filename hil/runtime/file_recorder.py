@@ -1,10 +1,11 @@
 """A recorder for virtual time: it writes at once, because nobody waits for it."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
-from hil.runtime.capture_header import CaptureHeader
+from hil.config.station import RobotConfig, Station
+from hil.runtime.capture_header import CaptureHeader, RobotStart
+from hil.runtime.journal import RobotJournal
 from hil.values.link import Address
 from transport.capture.journal import EndEntry, encode_entry
 from transport.capture.records import CapturedDatagram
@@ -12,9 +13,9 @@ from transport.capture.writing import PcapngWriter
 
 
 class FileRecorder:
-    """Writes the recording of the run of ``header`` to ``file``; a context manager that completes it.
+    """Writes the recording of the run of ``header`` to ``file``; raises ``CaptureError`` for what the system refuses.
 
-    Raises ``CaptureError`` for what the system refuses.
+    :meth:`close` completes it.
     """
 
     def __init__(self, file: Path, header: CaptureHeader) -> None:
@@ -33,13 +34,28 @@ class FileRecorder:
         self._writer.note(encode_entry(EndEntry()))
         self._writer.close()
 
-    def __enter__(self) -> Self:
-        return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        if error is None:
-            self.close()
-        else:
-            self._writer.close()
+def record_one_robot(
+    journal: RobotJournal,
+    file: Path,
+    config: RobotConfig,
+    *,
+    unix_epoch_ns: int,
+    fri_peer: Address | None,
+    bound: Mapping[str, Address],
+    token_secret: bytes,
+) -> FileRecorder:
+    """Record the run of ``config``, which begins now, to ``file`` by way of ``journal``; raise ``CaptureError``.
+
+    ``bound`` is where each link is served from; core time 0 is ``unix_epoch_ns`` in Unix time.
+    """
+    start = RobotStart(
+        name=config.name,
+        unix_epoch_ns=unix_epoch_ns,
+        fri_peer=fri_peer,
+        bound=dict(bound),
+        token_secret=token_secret.hex(),
+    )
+    recorder = FileRecorder(file, CaptureHeader.of_run(Station(robot=[config]), (start,)))
+    journal.record_to(recorder, unix_epoch_ns=unix_epoch_ns)
+    return recorder

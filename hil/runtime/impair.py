@@ -1,7 +1,6 @@
 """Run a relay with faults until asked to stop, and report what each fault did."""
 
 import asyncio
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -9,10 +8,10 @@ from pathlib import Path
 
 from hil.clock import Clock, MonotonicClock
 from hil.runtime.console import Console
-from hil.runtime.lifetime import check_result_file, repeated, stop_on_signals
+from hil.runtime.lifetime import check_result_file, repeated, stop_on_signals, write_result_file
 from hil.runtime.relay import Relay, open_relay
 from hil.values.link import Address
-from hil.version import VERSION
+from hil.version import SOFTWARE
 from transport.impairment import Direction, Fault, FaultNeverFired, FaultReport, Network, PacketId
 
 
@@ -89,8 +88,7 @@ async def _run(options: ImpairOptions) -> ImpairResult:
             relay.close()
             console.close()
         report = _report(relay, options, elapsed_s=(clock.now_ns() - began_ns) * 1e-9)
-        if options.json_file is not None:
-            options.json_file.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+        write_result_file(options.json_file, report)
     return ImpairResult(report, relay.fault, _never_fired(network))
 
 
@@ -119,7 +117,7 @@ def _serving(relay: Relay, options: ImpairOptions) -> str:
 def _report(relay: Relay, options: ImpairOptions, *, elapsed_s: float) -> dict[str, object]:
     network = relay.network
     return {
-        "software": f"fri-hil {VERSION}",
+        "software": SOFTWARE,
         "fault": relay.fault,
         "listen": str(relay.local),
         "to": str(options.to),

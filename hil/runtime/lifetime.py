@@ -1,6 +1,7 @@
 """What every long-running command does alike: an orderly end, a line now and then, a result that can be written."""
 
 import asyncio
+import json
 import os
 import signal
 from collections.abc import Callable, Iterator
@@ -53,3 +54,14 @@ def check_result_file(file: Path | None) -> None:
         raise ConfigurationError(f"cannot write {file}: that is a folder")
     if not os.access(file if file.exists() else file.parent, os.W_OK):
         raise ConfigurationError(f"cannot write {file}: permission denied")
+
+
+def write_result_file(file: Path | None, result: object) -> None:
+    """Write ``result`` to ``file`` as JSON, where there is a file."""
+    if file is not None:
+        file.write_text(result_text(result), encoding="utf-8")
+
+
+def result_text(result: object) -> str:
+    """Return ``result`` as JSON."""
+    return json.dumps(result, indent=2) + "\n"

@@ -2,7 +2,6 @@
 
 import asyncio
 import gc
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,13 +13,13 @@ from hil.core.events import Event
 from hil.core.servo.link import SERVO_LINK
 from hil.runtime.assembly import link_addresses
 from hil.runtime.console import Console
-from hil.runtime.lifetime import check_result_file, repeated, stop_on_signals
+from hil.runtime.lifetime import check_result_file, repeated, stop_on_signals, write_result_file
 from hil.runtime.operator_channel import OperatorChannel
 from hil.runtime.progress import progress_line
 from hil.runtime.realtime import Wish, ask_for_realtime
 from hil.runtime.robot_process import RobotProcess
 from hil.values.errors import ConfigurationError
-from hil.version import VERSION
+from hil.version import SOFTWARE
 
 if TYPE_CHECKING:
     from hil.runtime.captures import Captures
@@ -69,9 +68,7 @@ class _Run:
         # Signals ask for an orderly end from here to the last written byte, however often they come.
         with stop_on_signals(self._stop):
             result = await self._run()
-            if self._options.status_json is not None:
-                text = json.dumps(result.status, indent=2) + "\n"
-                self._options.status_json.write_text(text, encoding="utf-8")
+            write_result_file(self._options.status_json, result.status)
             return result
 
     async def _run(self) -> RunResult:
@@ -181,7 +178,7 @@ class _Run:
 
     def _status(self, fault: str | None, capture: dict[str, object] | None) -> dict[str, object]:
         return {
-            "software": f"fri-hil {VERSION}",
+            "software": SOFTWARE,
             "fault": fault,
             "realtime": [wish._asdict() for wish in self._wishes],
             "capture": capture,

@@ -13,14 +13,13 @@ from typing import Final, NamedTuple, TypeAlias
 
 from hil.client._machine import DatagramSocket
 from hil.client.servo._link import Link
-from hil.config.station import RobotConfig, Station
+from hil.config.station import RobotConfig
 from hil.core.controller import FRI_LINK
 from hil.core.events import Event
 from hil.core.servo.link import SERVO_LINK
 from hil.core.settings import NS_PER_MS
 from hil.runtime.assembly import link_addresses, make_controller, open_parts
-from hil.runtime.capture_header import CaptureHeader, RobotStart
-from hil.runtime.file_recorder import FileRecorder
+from hil.runtime.file_recorder import FileRecorder, record_one_robot
 from hil.runtime.journal import RobotJournal
 from hil.testkit._network import Arrived, VirtualNetwork
 from hil.testkit._pump import VirtualPump
@@ -87,7 +86,17 @@ class World:
             self._bound[FRI_LINK] = addresses.fri.bind._replace(port=addresses.fri.bind.port or _FRI_BOUND_PORT)
         if addresses.servo is not None:
             self._bound[SERVO_LINK] = addresses.servo
-        self._recorder = None if capture is None else self._record(capture)
+        self._recorder: FileRecorder | None = None
+        if capture is not None:
+            self._recorder = record_one_robot(
+                self.journal,
+                capture,
+                config,
+                unix_epoch_ns=UNIX_EPOCH_NS,
+                fri_peer=self.fri_peer,
+                bound=self._bound,
+                token_secret=_TOKEN_SECRET,
+            )
         self._cycle_ns = config.cycle_ms * NS_PER_MS
         self._next_cycle_ns = 0
         self._limit_ns = math.ceil(limit_s * 1e9)
@@ -184,18 +193,6 @@ class World:
         """Ask the controller to end."""
         self.journal.closed(at_ns=self.now_ns)
         self.core.close(now_ns=self.now_ns)
-
-    def _record(self, file: Path) -> FileRecorder:
-        start = RobotStart(
-            name=self.config.name,
-            unix_epoch_ns=UNIX_EPOCH_NS,
-            fri_peer=self.fri_peer,
-            bound=dict(self._bound),
-            token_secret=_TOKEN_SECRET.hex(),
-        )
-        recorder = FileRecorder(file, CaptureHeader.of_run(Station(robot=[self.config]), (start,)))
-        self.journal.record_to(recorder, unix_epoch_ns=UNIX_EPOCH_NS)
-        return recorder
 
     def _open(self, link: str, local: Address, peer: Address, *, connected: bool) -> VirtualSocket:
         self._numbers += 1

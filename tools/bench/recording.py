@@ -5,12 +5,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from hil.config.station import RobotConfig, Station
+from hil.config.station import RobotConfig
 from hil.core.controller import FRI_LINK, Controller
 from hil.core.servo.link import SERVO_LINK
 from hil.runtime.assembly import make_controller, open_parts
-from hil.runtime.capture_header import CaptureHeader, RobotStart
-from hil.runtime.file_recorder import FileRecorder
+from hil.runtime.file_recorder import record_one_robot
 from hil.runtime.journal import RobotJournal
 from hil.values.link import Address, Source
 from hil.values.operator import OperatorAction
@@ -35,16 +34,16 @@ class VirtualRun:
         self.controller: Controller = make_controller(
             config, self._parts, unix_epoch_ns=UNIX_EPOCH_NS, fri_peer=PEER, token_secret=_SECRET
         )
-        start = RobotStart(
-            name=config.name,
+        self.journal = RobotJournal(0)
+        self.recorder = record_one_robot(
+            self.journal,
+            file,
+            config,
             unix_epoch_ns=UNIX_EPOCH_NS,
             fri_peer=None if config.fri is None else PEER,
-            bound=dict(BOUND),
-            token_secret=_SECRET.hex(),
+            bound=BOUND,
+            token_secret=_SECRET,
         )
-        self.recorder = FileRecorder(file, CaptureHeader.of_run(Station(robot=[config]), (start,)))
-        self.journal = RobotJournal(0)
-        self.journal.record_to(self.recorder, unix_epoch_ns=UNIX_EPOCH_NS)
         self._period_ns = config.cycle_ms * 1_000_000
         self.now_ns = -self._period_ns
         self._coming: list[tuple[int, Source, bytes]] = []

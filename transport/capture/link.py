@@ -36,6 +36,8 @@ _MAX_ROUTES: Final = 1024
 _SENDS_PER_FLUSH: Final = 2
 """Catches up twice as fast as it fell behind, and a flush costs no more than two system calls."""
 _MAX_REPORT_BYTES: Final = 1 << 16
+_BEHIND_THE_ALARM_S: Final = 1.0
+"""Where giving up does not end the waiting: a killed process may still wait for a disk."""
 _NO_ROOM: Final = {errno.EAGAIN, errno.ENOBUFS}
 """The writer, or the system's memory, does not keep up; the next flush tries again."""
 
@@ -63,7 +65,6 @@ class CaptureSummary:
 
 class _Batch(NamedTuple):
     datagrams: int
-    records: int
     message: bytes
 
 
@@ -96,7 +97,7 @@ class CaptureLink:
 
     def begin(self, comment: str, *, ring: Ring | None = None) -> None:
         """Tell the writer the section's ``comment``, before anything is put; raise ``CaptureError`` if too long."""
-        self._waiting.append(_Batch(0, 0, pack_opening(Opening(encode_comment(self.path, comment), ring))))
+        self._waiting.append(_Batch(0, pack_opening(Opening(encode_comment(self.path, comment), ring))))
         self.flush()
 
     def put(self, at_unix_ns: int, source: Endpoint, destination: Endpoint, payload: bytes) -> None:
@@ -177,24 +178,31 @@ class CaptureLink:
 
         Waits, so it belongs behind the run.
         """
-        if self.summary is None:
-            # One alarm bounds all the waiting below, also for a writer that takes a little now and then.
-            alarm = threading.Timer(timeout_s, self._give_up)
-            alarm.daemon = True
-            alarm.start()
-            try:
-                self._socket.settimeout(timeout_s)
-                while not self.finish():
-                    continue
-                return self.take_report()
-            finally:
-                alarm.cancel()
-                alarm.join()
-        return self.summary
+        # One alarm bounds all the waiting below, also for a writer that takes a little now and then.
+        alarm = threading.Timer(timeout_s, self._give_up)
+        alarm.daemon = True
+        alarm.start()
+        try:
+            summary = self.summary or self._complete(timeout_s)
+            self._await_end()
+        finally:
+            alarm.cancel()
+            alarm.join()
+        return summary
+
+    def _complete(self, timeout_s: float) -> CaptureSummary:
+        self._socket.settimeout(timeout_s + _BEHIND_THE_ALARM_S)
+        while not self.finish():
+            continue
+        return self.take_report()
 
     def _give_up(self) -> None:
+        """End the waiting for the writer, from another thread."""
         with suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
+
+    def _await_end(self) -> None:
+        """Wait until the writer is gone, where that is known."""
 
     def release(self) -> None:
         """Release the socket; what is put from now on is dropped."""
@@ -225,17 +233,17 @@ class CaptureLink:
             self._socket.shutdown(socket.SHUT_WR)
 
     def _queue_pending(self) -> None:
-        records, datagrams = len(self._pending), self._pending_datagrams
+        datagrams = self._pending_datagrams
         # The newest batch gives way, not the oldest: what waits continues the file without a gap.
         if self._peer_gone or len(self._waiting) >= _MAX_WAITING_BATCHES:
             self.dropped += datagrams
-            self._lost_records += records
+            self._lost_records += len(self._pending)
         else:
             if self._lost_records:
                 lost = encode_entry(LostEntry(self._lost_records))
                 self._pending.insert(0, NOTE_HEAD.pack(NOTE, len(lost)) + lost)
                 self._lost_records = 0
-            self._waiting.append(_Batch(datagrams, records, b"".join(self._pending)))
+            self._waiting.append(_Batch(datagrams, b"".join(self._pending)))
         self._pending.clear()
         self._pending_bytes = self._pending_datagrams = 0
 

@@ -10,7 +10,6 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -53,17 +52,7 @@ class CaptureProcess(CaptureLink):
         Waits, so it belongs behind the run. A second call returns the same summary.
         """
         self._allowed_s = timeout_s
-        # One alarm bounds all the waiting below: the writer's death ends every send and every read.
-        alarm = threading.Timer(timeout_s, self._kill)
-        alarm.daemon = True
-        alarm.start()
-        try:
-            summary = super().close(timeout_s + 1.0)
-            self._reap()
-        finally:
-            alarm.cancel()
-            alarm.join()
-        return summary
+        return super().close(timeout_s)
 
     def __enter__(self) -> Self:
         return self
@@ -93,9 +82,13 @@ class CaptureProcess(CaptureLink):
         self._process.stderr.close()
         return complaint
 
-    def _kill(self) -> None:
+    def _give_up(self) -> None:
+        """The writer's death ends every send and every read."""
         self._overdue = True
         self._process.kill()
+
+    def _await_end(self) -> None:
+        self._reap()
 
 
 def _start_writer(path: Path) -> tuple[socket.socket, subprocess.Popen[bytes]]:
