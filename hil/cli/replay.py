@@ -130,9 +130,10 @@ def _bar(file: Path, *, shown: bool) -> "Iterator[ProgressTold | None]":
 def _show(result: "ReplayResult", *, drawn: Path | None, update: bool) -> None:
     console = Console(highlight=False)
     colour = "green" if result.equal else "yellow" if not result.own else "red"
-    console.print(f"[{colour}]{_plain(result.verdict)}[/{colour}]")
+    # Sentences and paths are not broken where the output is a file: soft_wrap.
+    console.print(f"[{colour}]{_plain(result.verdict)}[/{colour}]", soft_wrap=True)
     for line in _remarks(result, update=update):
-        console.print(_plain(line))
+        console.print(_plain(line), soft_wrap=True)
     if result.fields:
         console.print(_field_table(result))
         if len(result.fields) > _FIELDS_SHOWN:
@@ -140,9 +141,9 @@ def _show(result: "ReplayResult", *, drawn: Path | None, update: bool) -> None:
     if result.states:
         console.print(_state_table(result))
     if drawn is not None:
-        console.print(f"picture: {drawn}")
+        console.print(_plain(f"picture: {drawn}"), soft_wrap=True)
     if result.damage:
-        console.print(f"[red]{_plain(result.damage)}[/red]; what is before that was replayed")
+        console.print(f"[red]{_plain(result.damage)}[/red]; what is before that was replayed", soft_wrap=True)
 
 
 def _remarks(result: "ReplayResult", *, update: bool) -> Iterator[str]:

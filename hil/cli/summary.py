@@ -31,12 +31,13 @@ def print_summary(status: dict[str, Any]) -> None:
     if (capture := status["capture"]) is not None:
         removed = f", {capture['removed']} in files the ring removed" if capture["removed"] else ""
         console.print(
-            f"capture {escape(capture['path'])}: {capture['written']} packets, {capture['dropped']} dropped{removed}"
+            f"capture {escape(capture['path'])}: {capture['written']} packets, {capture['dropped']} dropped{removed}",
+            soft_wrap=True,
         )
         if capture["error"]:
-            console.print(f"[red]capture: {escape(capture['error'])}[/red]")
+            console.print(f"[red]capture: {escape(capture['error'])}[/red]", soft_wrap=True)
     if status["fault"]:
-        console.print(f"[red]fault: {escape(status['fault'])}[/red]")
+        console.print(f"[red]fault: {escape(status['fault'])}[/red]", soft_wrap=True)
 
 
 def _figures(robot: dict[str, Any]) -> dict[str, str]:
