@@ -1,7 +1,6 @@
 """Waiting for one time after another, each of which may still be moved up."""
 
 import asyncio
-import os
 from abc import ABC, abstractmethod
 
 from hil.clock import Clock
@@ -62,33 +61,17 @@ class TimerFdAlarm(Alarm):
 
     def __init__(self, clock: Clock) -> None:
         super().__init__(clock)
-        self._loop = asyncio.get_running_loop()
-        self._descriptor: int | None = timer.open_timer()
-        self._loop.add_reader(self._descriptor, self._on_expired)
+        self._timer = timer.LoopTimer(lambda _: self._ring())
 
     def close(self) -> None:
         """Release the timer."""
-        if self._descriptor is not None:
-            self._loop.remove_reader(self._descriptor)
-            os.close(self._descriptor)
-            self._descriptor = None
+        self._timer.close()
 
     def _arm(self, due_ns: int) -> None:
-        if self._descriptor is not None:
-            timer.arm(self._descriptor, due_ns=due_ns)
+        self._timer.arm(due_ns=due_ns)
 
     def _disarm(self) -> None:
-        if self._descriptor is not None:
-            timer.arm(self._descriptor, due_ns=0)
-
-    def _on_expired(self) -> None:
-        if self._descriptor is None:
-            return
-        try:
-            os.read(self._descriptor, 8)
-        except BlockingIOError:
-            return
-        self._ring()
+        self._timer.arm(due_ns=0)
 
 
 class LoopAlarm(Alarm):

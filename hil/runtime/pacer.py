@@ -1,7 +1,6 @@
 """Ticks on absolute due times. Late wake-ups and missed ones are told, never hidden."""
 
 import asyncio
-import os
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
@@ -48,24 +47,24 @@ class TimerFdPacer(Pacer):
 
     def __init__(self, *, clock: Clock, first_due_ns: int, period_ns: int) -> None:
         super().__init__(clock=clock, first_due_ns=first_due_ns, period_ns=period_ns)
-        self._loop = asyncio.get_running_loop()
-        self._descriptor: int | None = timer.open_periodic(first_due_ns=first_due_ns, period_ns=period_ns)
         self._expired = 0
         self._waiter: asyncio.Future[None] | None = None
-        self._loop.add_reader(self._descriptor, self._on_expired)
+        self._timer = timer.LoopTimer(self._on_expired)
+        try:
+            self._timer.arm(due_ns=first_due_ns, period_ns=period_ns)
+        except OSError:
+            self._timer.close()
+            raise
 
     def close(self) -> None:
         """Release the timer; a waiter is cancelled."""
-        if self._descriptor is not None:
-            self._loop.remove_reader(self._descriptor)
-            os.close(self._descriptor)
-            self._descriptor = None
-            if self._waiter is not None:
-                self._waiter.cancel()
+        self._timer.close()
+        if self._waiter is not None:
+            self._waiter.cancel()
 
     async def _wait(self) -> int:
         if not self._expired:
-            self._waiter = self._loop.create_future()
+            self._waiter = asyncio.get_running_loop().create_future()
             try:
                 await self._waiter
             finally:
@@ -73,13 +72,8 @@ class TimerFdPacer(Pacer):
         expired, self._expired = self._expired, 0
         return expired
 
-    def _on_expired(self) -> None:
-        if self._descriptor is None:
-            return
-        try:
-            self._expired += int.from_bytes(os.read(self._descriptor, 8), "little")
-        except BlockingIOError:
-            return
+    def _on_expired(self, expired: int) -> None:
+        self._expired += expired
         if self._waiter is not None and not self._waiter.done():
             self._waiter.set_result(None)
 
