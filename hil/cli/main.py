@@ -32,7 +32,7 @@ def options(version: Annotated[bool, typer.Option("--version", help="Print the v
 def _add_commands(first: str) -> None:
     """Add the commands; a pad, whose keys should work at once, does not wait for what only the others import."""
     if first != "pad":
-        from hil.cli import bench, capture, config, demo, dissector, impair, replay, run, stand_in
+        from hil.cli import bench, capture, config, demo, dissector, doctor, impair, replay, run, stand_in
 
         app.command("run")(run.run)
         app.command("demo")(demo.demo)
@@ -42,6 +42,7 @@ def _add_commands(first: str) -> None:
         app.add_typer(bench.app, name="bench")
         app.add_typer(capture.app, name="capture")
         app.add_typer(config.app, name="config")
+        app.add_typer(doctor.app, name="doctor")
         app.add_typer(stand_in.app, name="stand-in")
     app.add_typer(pad.app, name="pad")
 

@@ -22,6 +22,8 @@ def print_summary(status: dict[str, Any]) -> None:
     for name, robot in robots.items():
         _print_history(console, name, robot)
     for name, robot in robots.items():
+        _print_findings(console, name, robot)
+    for name, robot in robots.items():
         if robot["operator"]["permissive"]:
             counts = ", ".join(f"{monitor} {count}" for monitor, count in robot["would_have_stopped"].items())
             console.print(
@@ -96,6 +98,17 @@ def _distribution(summary: dict[str, float | None]) -> str:
     if summary["max"] is None:
         return "-"
     return "  ".join(f"{name.replace('_', '.')} {value:.0f}" for name, value in summary.items()) + " us"
+
+
+def _print_findings(console: Console, name: str, robot: dict[str, Any]) -> None:
+    """Print what was diagnosed while it ran: one sentence each, and what helps."""
+    for finding in robot["findings"]:
+        often = f" ({finding['count']} times, {finding['first_s']:.3f} to {finding['last_s']:.3f} s)"
+        colour = "cyan" if finding["severity"] in {"good", "note"} else "yellow"
+        told = escape(f"{name}: {finding['sentence']}{often if finding['count'] > 1 else ''}")
+        console.print(f"[{colour}]{told}[/{colour}]", soft_wrap=True)
+        for number, remedy in enumerate(finding["remedies"], 1):
+            console.print(f"  {number}. {escape(remedy)}", soft_wrap=True)
 
 
 def _print_history(console: Console, name: str, robot: dict[str, Any]) -> None:

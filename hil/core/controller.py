@@ -11,6 +11,7 @@ from functools import partial
 
 from hil.core.control.load_validation import LoadValidation
 from hil.core.control.stage import ControlStage
+from hil.core.diagnosis.findings import FindingLog
 from hil.core.events import ArmResting, ArmStopped, Event, InputSet
 from hil.core.fri.link import FriLink
 from hil.core.fri.messages import MessageBuilder
@@ -65,6 +66,7 @@ class Controller:
         self._on_stage = on_stage
         self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._outgoing: list[Outgoing] = []
+        self._findings = FindingLog(self._events.append)
         self._arm = backend.read()
         self._motion = MotionExecutive(
             self._arm.position_rad,
@@ -194,6 +196,7 @@ class Controller:
             "packets": fri.counters.report() if fri is not None else None,
             "servo": self._servo.report() if self._servo is not None else None,
             "io": self._signals.report(),
+            "findings": self._findings.report(),
             "transformations": fri.transformations.report() if fri is not None else {},
             **self._safety.report(),
             "initial_position": list(self.initial_position_rad),

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from hil.values.finding import Finding
 from hil.values.fri import DriveState, Quality, Release, SessionState
 from hil.values.motion import MotionEnd, MotionKind
 from hil.values.operator import OperatorView, StopCategory
@@ -226,6 +227,17 @@ class WouldHaveStopped(Event):
 
     def __str__(self) -> str:
         return f"PERMISSIVE: would have been a stop of category {self.category.value}: {self.reason}"
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosed(Event):
+    """Something is not as it should be, and whose fault it is."""
+
+    finding: Finding
+
+    def __str__(self) -> str:
+        helps = f"; what helps: {self.finding.remedies[0]}" if self.finding.remedies else ""
+        return f"{self.finding.sentence}{helps}"
 
 
 def _shown(value: SignalValue) -> str:

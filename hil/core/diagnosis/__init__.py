@@ -1,0 +1,1 @@
+"""What the controller recognises while it runs: whose fault it was, in one sentence."""

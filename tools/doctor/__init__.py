@@ -1,0 +1,1 @@
+"""Diagnoses: of a TCP connection, a UDP link, this host, a capture."""
