@@ -1,0 +1,1 @@
+"""Whose fault it was, from a capture: FRI cycles, servo set points, TCP connections."""
