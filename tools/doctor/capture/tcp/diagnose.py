@@ -7,7 +7,8 @@ from typing import Final
 from hil.values.finding import EvidenceTable, Finding, Severity, Whose
 from tools.doctor.capture.tcp.connection import Connection
 from tools.doctor.capture.tcp.connections import Connections
-from tools.doctor.capture.tcp.verdict import client_of, findings_of, server_of
+from tools.doctor.capture.tcp.sides import client_of, server_of
+from tools.doctor.capture.tcp.verdict import findings_of
 from transport.capture.errors import CaptureError
 from transport.capture.segments import read_segments
 

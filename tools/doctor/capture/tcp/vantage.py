@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from tools.doctor.capture.tcp.connection import Connection
+from tools.doctor.capture.tcp.sides import client_of, server_of
 
 _CLEARLY_FURTHER: Final = 3.0
 _TOO_NEAR_NS: Final = 150_000
@@ -13,7 +14,7 @@ _TOO_NEAR_NS: Final = 150_000
 def vantage_words(connection: Connection) -> Iterator[str]:
     """Yield one line on where the capture was taken, or on why it cannot be known."""
     known = connection.handshake
-    client, server = (f"{host}:{port}" for host, port in (connection.client, connection.server))
+    client, server = client_of(connection), server_of(connection)
     if connection.client[0].startswith("127.") and connection.server[0].startswith("127."):
         yield "both sides are on the machine that captured (loopback)"
         return

@@ -1,15 +1,15 @@
 """From what was seen of a TCP connection to sentences: a function of the figures alone."""
 
 from collections.abc import Iterator
-from typing import Final, NamedTuple
+from typing import Final
 
 from hil.client.servo.statistic_timer import StatisticTimer
 from hil.values.finding import Figure, Finding, Severity, Whose
 from tools.doctor.capture.tcp.connection import Connection
 from tools.doctor.capture.tcp.direction import Direction, Stall
+from tools.doctor.capture.tcp.sides import Side, client_of, server_of
 from tools.doctor.capture.tcp.vantage import vantage_words
-from tools.doctor.tcp.remedies import nagle_remedies
-from transport.capture.endpoints import Endpoint
+from tools.doctor.tcp.remedies import nagle_remedies, sender_remedies
 
 ALLOWED_MEAN_MS: Final = 5.0
 """Manual 11.1: what an update of the real-time data may require on average."""
@@ -19,31 +19,6 @@ _CERTAIN_STALLS: Final = 3
 _CHOSEN_BY_CHANCE: Final = 0.01
 """Share of segments sent again above which a network is not in order."""
 _NS_PER_MS: Final = 1e6
-
-
-class Side(NamedTuple):
-    """One side of a connection."""
-
-    role: str
-    endpoint: Endpoint
-
-    @property
-    def address(self) -> str:
-        """Return its address and port as people write them."""
-        return f"{self.endpoint[0]}:{self.endpoint[1]}"
-
-    def __str__(self) -> str:
-        return f"the {self.role} {self.address}"
-
-
-def client_of(connection: Connection) -> Side:
-    """Return the side that connected."""
-    return Side("client", connection.client)
-
-
-def server_of(connection: Connection) -> Side:
-    """Return the side that accepted."""
-    return Side("server", connection.server)
 
 
 def findings_of(connection: Connection) -> list[Finding]:
@@ -121,7 +96,7 @@ def _of_direction(connection: Connection, direction: Direction, sender: Side, ac
             f"{direction.reset_by}): its program closed it with data unread, or ended",
         )
     in_parts = connection.requests_in_parts if direction is connection.requests else connection.replies_in_parts
-    if in_parts and not direction.unheld and not (direction.holds):
+    if in_parts and not direction.unheld and not direction.holds:
         yield _in_parts(direction, in_parts, sender, acknowledger)
 
 
@@ -143,9 +118,10 @@ def _nagle(connection: Connection, direction: Direction, sender: Side, acknowled
         kind="tcp-nagle",
         severity=Severity.FAULT if certain else Severity.WARNING,
         whose=Whose.CONFIGURATION,
-        sentence=f"{sender} needs TCP_NODELAY: {_times(stalls.count)} in {direction.segments} segments it held data "
-        f"back (Nagle's algorithm) until {acknowledger}, which acknowledges {delay_words(delays.mean_ms)}, had acknowledged "
-        f"what went before; that leaves at most {rate:.0f} exchanges a second",
+        sentence=f"{sender} {'needs' if certain else 'may need'} TCP_NODELAY: {_times(stalls.count)} in "
+        f"{direction.segments} segments it held data back (Nagle's algorithm) until {acknowledger}, which acknowledges "
+        f"{delay_words(delays.mean_ms)}, had acknowledged what went before; that leaves at most {rate:.0f} exchanges a "
+        f"second",
         evidence=tuple(evidence),
         remedies=nagle_remedies(sender=str(sender), acknowledger=str(acknowledger)),
         figures={
@@ -230,7 +206,7 @@ def _in_parts(direction: Direction, in_parts: int, sender: Side, acknowledger: S
         sentence=f"{sender} writes a message in small parts ({_times(in_parts)}): without TCP_NODELAY the second part "
         f"waits for the acknowledgement of the first{held}, and that costs 40 to 200 ms as soon as {acknowledger} "
         f"delays it",
-        remedies=nagle_remedies(sender=str(sender), acknowledger=str(acknowledger)),
+        remedies=sender_remedies(str(sender)),
         figures={"messages": in_parts, "held_briefly": direction.held_briefly},
     )
 
