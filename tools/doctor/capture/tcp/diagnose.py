@@ -16,36 +16,39 @@ MAX_FINDINGS: Final = 24
 MAX_ROWS: Final = 40
 
 Told = tuple[tuple[Finding, ...], tuple[EvidenceTable, ...]]
+ProgressTold = Callable[[int, int, str], None]
+"""As that of replays: told bytes read, bytes in all, and in words how far it is."""
 
 
-def diagnose_tcp(file: Path, *, progress: Callable[[int], None] | None = None) -> Told:
+def diagnose_tcp(file: Path, *, progress: ProgressTold | None = None) -> Told:
     """Return what was found of the TCP connections in ``file``, the worst first; nothing where it has none.
 
-    ``progress`` is told how many bytes of the file are read. A file that is no capture raises ``CaptureError``; of one
-    that is damaged later, what lies before is looked at, and the last finding says where the damage is.
+    A file that is no capture raises ``CaptureError``. Of one that is damaged later, what lies before the damage is
+    looked at, and the last finding, ``capture-damaged``, says where that is.
     """
-    reader = read_segments(file, progress=progress)
+    reader = read_segments(file, progress=None if progress is None else _bytes_told(file, progress))
     connections = Connections()
     damage: CaptureError | None = None
     try:
         connections.take(reader)
     except CaptureError as error:
-        if not reader.packets:
+        if not reader.packets or error.packet == 1:
             raise
         damage = error
     found, tables = tell(connections.end(), left_out=connections.left_out)
     notes = []
     if reader.skipped:
-        notes.append(
-            _note(
-                "tcp-skipped",
-                f"{reader.skipped} TCP segments of the capture could not be read: they are "
-                f"fragments, or cut within their headers",
-            )
-        )
-    if damage is not None and found:
-        notes.append(_note("capture-damaged", f"{damage}; what lies before it was looked at"))
+        what = f"{reader.skipped} TCP segments of the capture could not be read: fragments, or cut within their headers"
+        notes.append(_note("tcp-skipped", what))
+    if damage is not None:
+        what = f"{damage}; what lies before it was looked at"
+        notes.append(Finding("capture-damaged", Severity.WARNING, Whose.NOBODY, what))
     return (*found, *notes), tables
+
+
+def _bytes_told(file: Path, progress: ProgressTold) -> Callable[[int], None]:
+    whole = file.stat().st_size if file.exists() else 0
+    return lambda read: progress(read, whole, "TCP")
 
 
 def tell(connections: list[Connection], *, left_out: int = 0) -> Told:
