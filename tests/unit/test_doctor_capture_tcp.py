@@ -130,18 +130,42 @@ def test_a_pause_after_a_delayed_acknowledgement_is_the_programs_own() -> None:
     assert kinds(talk) == ["tcp-healthy"]
 
 
-def test_parts_that_are_acknowledged_at_once_are_a_risk() -> None:
-    found = only("tcp-message-in-parts", asks_in_two_parts(Talk().handshake(), delay_ms=0.3))
+def test_parts_that_wait_for_a_prompt_acknowledgement_are_a_risk() -> None:
+    found = diagnosis(asks_in_two_parts(Talk().handshake(), delay_ms=0.3))
+    assert [one.kind for one in found.findings] == ["tcp-healthy", "tcp-held"]
+    assert "in order, but for what is noted" in found.verdict.sentence
+    held = found.findings[1]
+    assert (held.severity, held.whose) == (Severity.NOTE, Whose.APPLICATION)
+    assert "the client 172.31.1.100:51234 holds small segments back until the server" in held.sentence
+    assert "10 times in 20 segments, 0.35 ms on average" in held.sentence
+    assert found.healthy
+
+
+def test_parts_that_nothing_holds_yet_are_a_risk_too() -> None:
+    talk = Talk().handshake()
+    for number in range(5):
+        talk.client(10 + number * 20, 20)
+        talk.server(10.3 + number * 20)
+        talk.client(12 + number * 20, 1)
+        talk.server(12.3 + number * 20, 5)
+    found = only("tcp-message-in-parts", talk)
     assert (found.severity, found.whose) == (Severity.NOTE, Whose.APPLICATION)
-    assert "writes a message in small parts (10 times)" in found.sentence
-    assert "10 times it did so here" in found.sentence
-    assert diagnosis(asks_in_two_parts(Talk().handshake(), delay_ms=0.3)).healthy
+    assert "writes a message in small parts (5 times)" in found.sentence
+
+
+def test_a_program_that_sends_every_millisecond_is_not_held() -> None:
+    talk = Talk().handshake()
+    for number in range(100):
+        talk.client(10 + number, 20)
+        talk.server(10.2 + number)
+    assert kinds(talk) == ["tcp-healthy"]
 
 
 def test_a_long_wire_is_no_delayed_acknowledgement() -> None:
     talk = asks_in_two_parts(Talk().handshake(to_server_ms=40, to_client_ms=0.02), delay_ms=40.1, answer_ms=40.2)
     found = diagnosis(talk)
-    assert [one.kind for one in found.findings if one.severity is not Severity.NOTE] == ["tcp-slow-wire"]
+    assert [one.kind for one in found.findings] == ["tcp-slow-wire", "tcp-held"]
+    assert "10 times in 20 segments, 40.15 ms on average" in found.findings[1].sentence
     assert (found.verdict.whose, found.verdict.figures["round_trip_ms"]) == (Whose.WIRE, 40.02)
     assert "takes 40.0 ms for a round trip" in found.verdict.sentence
 
@@ -209,15 +233,28 @@ def test_what_is_sent_again_is_the_wires_fault() -> None:
     lost = talk.client(200, 30)
     talk.again(lost, 405)
     talk.server(405.5, 5)
-    ping_pong_later = talk.client(500, 30)
-    talk.server(500.4, 5)
     found = diagnosis(talk).verdict
     assert (found.kind, found.severity, found.whose) == ("tcp-retransmission", Severity.WARNING, Whose.WIRE)
-    assert f"sent 1 of 22 segments again, 1 of them after a timeout, the first in packet {lost.number + 1}" in (
-        found.sentence
-    )
-    assert "the longest silence before was 205.0 ms" in found.sentence
-    assert ping_pong_later.number == len(talk.segments) - 1
+    assert f"again, 1 of them after a timeout, the first in packet {lost.number + 1}" in found.sentence
+    assert "the client 172.31.1.100:51234 sent 1 of 21 segments to the server" in found.sentence
+    assert "the longest silence before was 205.0 ms: they, or their acknowledgements, were lost" in found.sentence
+
+
+def test_what_had_arrived_was_not_lost() -> None:
+    talk = ping_pong(Talk().handshake(to_server_ms=0.02, to_client_ms=0.4), count=20)
+    arrived = talk.client(200, 30)
+    talk.again(arrived, 405)
+    talk.server(405.5, 5)
+    found = only("tcp-retransmission", talk)
+    assert "they had arrived, so their acknowledgements were lost on the wire or came too late" in found.sentence
+    assert found.whose is Whose.PEER_OR_WIRE
+
+
+def test_one_quick_repetition_is_a_note() -> None:
+    talk = ping_pong(Talk().handshake(), count=20)
+    talk.again(talk.client(200, 30), 206)
+    talk.server(206.5, 5)
+    assert kinds(talk) == ["tcp-healthy", "tcp-retransmission"]
 
 
 def test_a_segment_that_was_lost_before_the_capture_is_found_by_its_gap() -> None:
@@ -226,7 +263,8 @@ def test_a_segment_that_was_lost_before_the_capture_is_found_by_its_gap() -> Non
     talk.client(200.1, 30)
     talk.again(lost, 230)
     talk.server(230.3, 5)
-    assert only("tcp-retransmission", talk).figures["silence_count"] == 1
+    found = only("tcp-retransmission", talk)
+    assert (found.figures["silence_count"], found.figures["lost_before_capture"]) == (1, 1)
 
 
 def test_segments_that_overtake_each_other_are_not_lost() -> None:
@@ -288,13 +326,25 @@ def test_a_slow_answer_after_an_acknowledgement_is_the_programs() -> None:
     assert found.figures["thinking_count"] == 20
 
 
-def test_a_slow_answer_now_and_then_is_a_note() -> None:
-    talk = ping_pong(Talk().handshake(), count=40)
+@pytest.mark.parametrize(
+    ("to_server_ms", "to_client_ms", "kind", "whose"),
+    [
+        (0.02, 0.4, "tcp-slow-program", Whose.PEER),
+        (0.4, 0.02, "tcp-late-answers", Whose.PEER_OR_WIRE),
+        (0.02, 0.02, "tcp-late-answers", Whose.PEER_OR_WIRE),
+    ],
+)
+def test_a_late_answer_now_and_then_may_have_been_lost_unless_captured_beside_who_answers(
+    to_server_ms: float, to_client_ms: float, kind: str, whose: Whose
+) -> None:
+    talk = ping_pong(Talk().handshake(to_server_ms=to_server_ms, to_client_ms=to_client_ms), count=40)
     talk.client(300, 30)
     talk.server(2300, 5)
     found = diagnosis(talk)
-    assert [one.kind for one in found.findings] == ["tcp-healthy", "tcp-slow-program"]
+    assert [one.kind for one in found.findings] == ["tcp-healthy", kind]
     assert "in order, but for what is noted" in found.verdict.sentence
+    assert found.findings[1].whose is whose
+    assert ("a capture beside the server" in found.findings[1].sentence) == (whose is Whose.PEER_OR_WIRE)
     assert found.healthy
 
 

@@ -21,6 +21,10 @@ _LONGEST_DELAY_NS: Final = 600 * _NS_PER_MS
 """What RFC 1122 allows, and the resolution of a timer."""
 _RELEASE_NS: Final = 2 * _NS_PER_MS
 """What a system takes from the acknowledgement to the segment it held."""
+_AT_ONCE_NS: Final = 150_000
+"""The same where no delay beforehand makes it plain: a program that sends every millisecond is not held."""
+_JITTER: Final = 1.1
+"""Of the way that a release has to be captured."""
 _MOST_TRAVEL_NS: Final = 5 * _NS_PER_MS
 """Of a release whose way was never measured from a handshake."""
 _REORDERED_NS: Final = 3 * _NS_PER_MS
@@ -90,14 +94,16 @@ class Direction:
     """Those of them before the last stall."""
     first_unheld: int = 0
     """Packet of the first of them."""
-    held_briefly: int = 0
-    """Small segments that left when a prompt acknowledgement came."""
+    held: StatisticTimer = field(default_factory=StatisticTimer)
+    """As stalls, where the acknowledgement that was waited for was prompt [ms]."""
     own_pace: int = 0
     """Segments that left some time after a delayed acknowledgement: nothing held them."""
     resent: StatisticTimer = field(default_factory=StatisticTimer)
     """Silence before segments that were sent again [ms]."""
     timeouts: int = 0
     """Those of them that a timer sent."""
+    resent_unseen: int = 0
+    """Those of them whose first sending was lost before it came to where the capture was taken."""
     first_resent: int = 0
     """Packet of the first of them."""
     overtaken: int = 0
@@ -234,22 +240,21 @@ class Direction:
         """Say whether it left because of the acknowledgement ``free``, and whether that one was delayed."""
         released_ns = segment.at_unix_ns - free.at_unix_ns
         travel_ns = back_ns if self.handshake_seen else min(back_ns, _MOST_TRAVEL_NS)
-        prompt = 0 <= released_ns <= travel_ns + _RELEASE_NS
         delay_ns = free.waited_ns - (self.travel_ns or 0)
-        if free.waited_ns < DELAYED_NS:
-            self.held_briefly += prompt
-        elif not prompt:
+        held_ms = (segment.at_unix_ns - last.at_unix_ns) / _NS_PER_MS
+        if free.waited_ns < DELAYED_NS or (delay_ns < DELAYED_NS and self.handshake_seen):
+            if 0 <= released_ns <= travel_ns * _JITTER + _AT_ONCE_NS:
+                self.held.add(held_ms)
+        elif not 0 <= released_ns <= travel_ns + _RELEASE_NS:
             self.own_pace += 1
         elif delay_ns >= DELAYED_NS:
-            self._stalled(Stall(last, free, segment.number, released_ns, segment.size), delay_ns, segment.at_unix_ns)
-        elif not self.handshake_seen:
-            self.unclear.add((segment.at_unix_ns - last.at_unix_ns) / _NS_PER_MS)
+            self.delays.add(delay_ns / _NS_PER_MS)
+            self._stalled(Stall(last, free, segment.number, released_ns, segment.size), held_ms)
         else:
-            self.held_briefly += 1
+            self.unclear.add(held_ms)
 
-    def _stalled(self, stall: Stall, delay_ns: int, at_ns: int) -> None:
-        self.stalls.add((at_ns - stall.before.at_unix_ns) / _NS_PER_MS)
-        self.delays.add(delay_ns / _NS_PER_MS)
+    def _stalled(self, stall: Stall, held_ms: float) -> None:
+        self.stalls.add(held_ms)
         self.unheld_before_stall = self.unheld
         if len(self.examples) < _EXAMPLES:
             self.examples.append(stall)
@@ -266,6 +271,7 @@ class Direction:
             return
         silent_ns = max(at_ns - self._active_ns, 0)
         self.resent.add(silent_ns / _NS_PER_MS)
+        self.resent_unseen += late_ns is not None
         self.timeouts += silent_ns >= _TIMEOUT_NS
         self.first_resent = self.first_resent or segment.number
         self._disturbed = True

@@ -8,7 +8,7 @@ from hil.values.finding import Figure, Finding, Severity, Whose
 from tools.doctor.capture.tcp.connection import Connection
 from tools.doctor.capture.tcp.direction import Direction, Stall
 from tools.doctor.capture.tcp.sides import Side, client_of, server_of
-from tools.doctor.capture.tcp.vantage import vantage_words
+from tools.doctor.capture.tcp.vantage import Beside, beside, vantage_words
 from tools.doctor.tcp.remedies import nagle_remedies, sender_remedies
 
 ALLOWED_MEAN_MS: Final = 5.0
@@ -16,7 +16,8 @@ ALLOWED_MEAN_MS: Final = 5.0
 _LATE_MS: Final = 20.0
 _CERTAIN_STALLS: Final = 3
 """One or two may be chance: a program that sends again just then."""
-_CHOSEN_BY_CHANCE: Final = 0.01
+_OFTEN_RESENT: Final = 3
+_RESENT_IN_ORDER: Final = 0.01
 """Share of segments sent again above which a network is not in order."""
 _NS_PER_MS: Final = 1e6
 
@@ -77,7 +78,7 @@ def _of_direction(connection: Connection, direction: Direction, sender: Side, ac
     if direction.closed_windows.count:
         yield _closed_window(direction, sender, acknowledger)
     if direction.resent.count:
-        yield _resent(direction, sender, acknowledger)
+        yield _resent(connection, direction, sender, acknowledger)
     if direction.missed:
         yield Finding(
             kind="tcp-not-captured",
@@ -96,8 +97,12 @@ def _of_direction(connection: Connection, direction: Direction, sender: Side, ac
             f"{direction.reset_by}): its program closed it with data unread, or ended",
         )
     in_parts = connection.requests_in_parts if direction is connection.requests else connection.replies_in_parts
-    if in_parts and not direction.unheld and not direction.holds:
-        yield _in_parts(direction, in_parts, sender, acknowledger)
+    if direction.unheld or direction.holds:
+        return
+    if direction.held.count >= _CERTAIN_STALLS:
+        yield _held(direction, sender, acknowledger)
+    elif in_parts:
+        yield _in_parts(in_parts, sender, acknowledger)
 
 
 def _nagle(connection: Connection, direction: Direction, sender: Side, acknowledger: Side) -> Finding:
@@ -169,27 +174,43 @@ def _closed_window(direction: Direction, sender: Side, acknowledger: Side) -> Fi
     )
 
 
-def _resent(direction: Direction, sender: Side, acknowledger: Side) -> Finding:
+def _resent(connection: Connection, direction: Direction, sender: Side, acknowledger: Side) -> Finding:
     resent = direction.resent
     share = resent.count / max(direction.segments, 1)
-    bad = resent.max_ms >= _LATE_MS or share > _CHOSEN_BY_CHANCE
+    often = resent.count >= _OFTEN_RESENT and (resent.max_ms >= _LATE_MS or share > _RESENT_IN_ORDER)
     timeouts = f", {direction.timeouts} of them after a timeout" if direction.timeouts else ""
+    arrived = not direction.resent_unseen and _is_beside(connection, acknowledger)
+    if direction.resent_unseen:
+        why = "packets are lost on the wire"
+    elif arrived:
+        why = "they had arrived, so their acknowledgements were lost on the wire or came too late"
+    else:
+        why = "they, or their acknowledgements, were lost on the wire or came too late"
     return Finding(
         kind="tcp-retransmission",
-        severity=Severity.WARNING if bad else Severity.NOTE,
-        whose=Whose.WIRE,
-        sentence=f"the wire loses packets between {sender} and {acknowledger}: {sender} sent {resent.count} of "
-        f"{direction.segments} segments again{timeouts}, the first in packet {direction.first_resent}; the longest "
-        f"silence before was {resent.max_ms:.1f} ms",
-        evidence=(f"silence before what was sent again: {resent}", *_overtaken(direction)),
+        severity=Severity.WARNING if direction.timeouts or often else Severity.NOTE,
+        whose=Whose.PEER_OR_WIRE if arrived else Whose.WIRE,
+        sentence=f"{sender} sent {resent.count} of {direction.segments} segments to {acknowledger} again{timeouts}, "
+        f"the first in packet {direction.first_resent}, the longest silence before was {resent.max_ms:.1f} ms: {why}",
+        evidence=(
+            f"silence before what was sent again: {resent}",
+            *_overtaken(direction),
+            *vantage_words(connection),
+        ),
         remedies=("look at cables, switches and the error counters of both network cards (Linux: ip -s link)",),
         figures={
             "timeouts": direction.timeouts,
             "segments": direction.segments,
+            "lost_before_capture": direction.resent_unseen,
             "first_packet": direction.first_resent,
             **_figures("silence", resent),
         },
     )
+
+
+def _is_beside(connection: Connection, side: Side) -> bool:
+    where = beside(connection)
+    return where is Beside.BOTH or where is (Beside.CLIENT if side.role == "client" else Beside.SERVER)
 
 
 def _overtaken(direction: Direction) -> Iterator[str]:
@@ -197,35 +218,62 @@ def _overtaken(direction: Direction) -> Iterator[str]:
         yield f"{direction.overtaken} segments were overtaken on the way, which costs little"
 
 
-def _in_parts(direction: Direction, in_parts: int, sender: Side, acknowledger: Side) -> Finding:
-    held = f"; {_times(direction.held_briefly)} it did so here" if direction.held_briefly else ""
+def _held(direction: Direction, sender: Side, acknowledger: Side) -> Finding:
+    held = direction.held
+    return Finding(
+        kind="tcp-held",
+        severity=Severity.WARNING if held.mean_ms > ALLOWED_MEAN_MS else Severity.NOTE,
+        whose=Whose.APPLICATION,
+        sentence=f"{sender} holds small segments back until {acknowledger} acknowledges the one before (Nagle's "
+        f"algorithm), {_times(held.count)} in {direction.segments} segments, {held.mean_ms:.2f} ms on average: "
+        f"TCP_NODELAY ends that, and 40 to 200 ms more wherever {acknowledger} delays an acknowledgement",
+        evidence=(f"held back: {held}",),
+        remedies=sender_remedies(str(sender)),
+        figures={"sender": sender.address, "segments": direction.segments, **_figures("held", held)},
+    )
+
+
+def _in_parts(in_parts: int, sender: Side, acknowledger: Side) -> Finding:
     return Finding(
         kind="tcp-message-in-parts",
         severity=Severity.NOTE,
         whose=Whose.APPLICATION,
         sentence=f"{sender} writes a message in small parts ({_times(in_parts)}): without TCP_NODELAY the second part "
-        f"waits for the acknowledgement of the first{held}, and that costs 40 to 200 ms as soon as {acknowledger} "
-        f"delays it",
+        f"waits for the acknowledgement of the first, which costs 40 to 200 ms as soon as {acknowledger} delays it",
         remedies=sender_remedies(str(sender)),
-        figures={"messages": in_parts, "held_briefly": direction.held_briefly},
+        figures={"sender": sender.address, "messages": in_parts},
     )
 
 
 def _late_answers(connection: Connection) -> Iterator[Finding]:
     thinking = connection.thinking
     median_ms, late_ms = thinking.quantile_ms(0.5), thinking.quantile_ms(0.99)
-    mostly = thinking.timer.mean_ms > ALLOWED_MEAN_MS and median_ms > ALLOWED_MEAN_MS
+    mostly = median_ms > ALLOWED_MEAN_MS
     if not mostly and late_ms < _LATE_MS:
         return
     server, client = server_of(connection), client_of(connection)
-    how = "takes its time" if mostly else "takes its time now and then"
+    # An answer that was lost before the capture looks like one that was given late, but it cannot be most of them.
+    told_apart = mostly or _is_beside(connection, server)
+    took = (
+        f"{thinking.timer.mean_ms:.1f} ms on average and up to {thinking.timer.max_ms:.1f} ms from a request of "
+        f"{client} to the answer"
+    )
+    if told_apart:
+        often = "" if mostly else " now and then"
+        sentence = (
+            f"the program at {server} takes its time{often}: {took}, with nothing held back or seen to be lost on the "
+            f"way: the peer's application"
+        )
+    else:
+        sentence = (
+            f"now and then the program at {server} takes its time, or an answer is lost on the way: {took}; a capture "
+            f"beside {server} would tell"
+        )
     yield Finding(
-        kind="tcp-slow-program",
+        kind="tcp-slow-program" if told_apart else "tcp-late-answers",
         severity=Severity.WARNING if mostly else Severity.NOTE,
-        whose=Whose.PEER,
-        sentence=f"the program at {server} {how}: {thinking.timer.mean_ms:.1f} ms on average and up to "
-        f"{thinking.timer.max_ms:.1f} ms from a request of {client} to the answer, with nothing held, lost or slow on "
-        f"the way: the peer's application",
+        whose=Whose.PEER if told_apart else Whose.PEER_OR_WIRE,
+        sentence=sentence,
         evidence=(f"thinking time at {server}: {thinking}", *_exchange_words(connection), *vantage_words(connection)),
         figures={
             "p50_ms": round(median_ms, 3),
