@@ -1,4 +1,4 @@
-"""Records the TCP captures of ``tests/data`` anew: real sockets on loopback, what their kernel does, by dumpcap.
+"""Records the TCP captures of ``tests/data/tcp`` anew: real sockets on loopback, what their kernel does, by dumpcap.
 
 As root, on Linux: ``python -m tools.make_tcp_captures``. A client asks twenty times.
 """
@@ -11,7 +11,7 @@ import threading
 from pathlib import Path
 from typing import Final, NamedTuple
 
-FOLDER: Final = Path(__file__).parents[1] / "tests" / "data"
+FOLDER: Final = Path(__file__).parents[1] / "tests" / "data" / "tcp"
 ADDRESS: Final = ("127.0.0.1", 30001)
 _EXCHANGES: Final = 20
 _SNAP_BYTES: Final = 74
@@ -26,9 +26,9 @@ class _Side(NamedTuple):
 
 
 _TALKS: Final = {
-    "tcp-nagle-request": (_Side((b"jf_0.1_0.2_0.3", b"\n"), no_delay=False), _Side((b"done\n",), no_delay=True)),
-    "tcp-nagle-reply": (_Side((b"getJointsPositions\n",), no_delay=True), _Side((b"0.1_0.2", b"\n"), no_delay=False)),
-    "tcp-no-delay": (_Side((b"jf_0.1_0.2_0.3", b"\n"), no_delay=True), _Side((b"done\n",), no_delay=True)),
+    "nagle-request": (_Side((b"jf_0.1_0.2_0.3", b"\n"), no_delay=False), _Side((b"done\n",), no_delay=True)),
+    "nagle-reply": (_Side((b"getJointsPositions\n",), no_delay=True), _Side((b"0.1_0.2", b"\n"), no_delay=False)),
+    "no-delay": (_Side((b"jf_0.1_0.2_0.3", b"\n"), no_delay=True), _Side((b"done\n",), no_delay=True)),
 }
 
 

@@ -18,7 +18,7 @@ from transport.capture.segments import read_segments
 from transport.capture.tcp import ACK, SYN, Segment, SegmentDecoder, SynOptions
 
 DATA = Path(__file__).parents[1] / "data"
-REAL = [DATA / f"tcp-{name}.pcapng" for name in ("nagle-request", "nagle-reply", "no-delay")]
+REAL = [DATA / "tcp" / f"{name}.pcapng" for name in ("nagle-request", "nagle-reply", "no-delay")]
 """Linux 6.x on loopback, recorded by ``tools/make_tcp_captures.py``; frames are cut behind 74 bytes."""
 ETHERNET = bytes(12) + b"\x08\x00"
 

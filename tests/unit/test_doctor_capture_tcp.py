@@ -81,6 +81,20 @@ def test_the_side_at_fault_is_the_one_that_waits() -> None:
     assert any(line.startswith("until the answer's last segment: n(10) T(40.60,") for line in found.evidence)
 
 
+def test_a_few_stalls_set_no_rate() -> None:
+    """A Cabinet's second reply, soon after its first one, to every short motion and to nothing else (kst-wire.md 9)."""
+    talk = ping_pong(Talk().handshake(), count=100)
+    for number in range(4):
+        at_ms = 1000 + number * 500
+        talk.client(at_ms, 40)
+        talk.server(at_ms + 0.3, 5)
+        talk.client(at_ms + 40.3)
+        talk.server(at_ms + 40.4, 5)
+    found = only("tcp-nagle", talk)
+    assert found.sentence.startswith("the server 172.31.1.147:30001 needs TCP_NODELAY: 4 times in 108 segments")
+    assert found.sentence.endswith("had acknowledged what went before; each cost 40.1 ms")
+
+
 def test_a_stream_without_answers_is_held_too() -> None:
     talk = Talk().handshake()
     for number in range(20):
@@ -393,9 +407,10 @@ def test_each_connection_has_its_own_verdict_the_worst_first() -> None:
     assert table.rows[0][4:] == ("10", "0", "tcp-nagle")
 
 
-def test_the_same_ports_again_are_another_connection() -> None:
-    first = ping_pong(Talk().handshake(), count=5)
-    second = ping_pong(Talk(client_sequence=777_000, server_sequence=5).handshake(), count=5)
+@pytest.mark.parametrize("sequence", [777_000, 1000])
+def test_the_same_ports_again_are_another_connection(sequence: int) -> None:
+    first = ping_pong(Talk(client_sequence=1000).handshake(), count=5)
+    second = ping_pong(Talk(client_sequence=sequence, server_sequence=5).handshake(), count=5)
     second.segments = [one._replace(at_unix_ns=one.at_unix_ns + 10**9) for one in second.segments]
     assert kinds(first, second) == ["tcp-healthy", "tcp-healthy"]
 

@@ -107,7 +107,10 @@ class Connection:
 
     def _is_recorded_twice(self, segment: Segment) -> bool:
         for before in self._before:
-            if before[2:] == segment[2:] and 0 <= segment.at_unix_ns - before.at_unix_ns <= _TWICE_NS:
+            # The first comparison is one of numbers, and nearly always enough.
+            if before.identification != segment.identification or before[2:] != segment[2:]:
+                continue
+            if 0 <= segment.at_unix_ns - before.at_unix_ns <= _TWICE_NS:
                 return True
         self._before.append(segment)
         return False

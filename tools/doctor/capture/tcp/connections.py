@@ -54,7 +54,7 @@ class Connections:
         if segment.flags & (SYN | ACK) != SYN:
             return False
         syn = connection.handshake.syn
-        return connection.segments > 0 if syn is None else syn.sequence != segment.sequence
+        return connection.segments > 0 or (syn is not None and syn.sequence != segment.sequence)
 
     def _make_room(self) -> None:
         """Give up those without a disturbance first, then those with the fewest segments, then the oldest."""

@@ -16,6 +16,8 @@ ALLOWED_MEAN_MS: Final = 5.0
 _LATE_MS: Final = 20.0
 _CERTAIN_STALLS: Final = 3
 """One or two may be chance: a program that sends again just then."""
+_STALLED_THROUGHOUT: Final = 0.2
+"""Share of segments from which on stalls set the rate: a message in five parts has one stall."""
 _OFTEN_RESENT: Final = 3
 _RESENT_IN_ORDER: Final = 0.01
 """Share of segments sent again above which a network is not in order."""
@@ -109,6 +111,10 @@ def _nagle(connection: Connection, direction: Direction, sender: Side, acknowled
     stalls, delays = direction.stalls, direction.delays
     certain = stalls.count >= _CERTAIN_STALLS
     rate = 1000.0 / stalls.mean_ms
+    nearly_always = stalls.count >= direction.segments * _STALLED_THROUGHOUT
+    cost = (
+        f"that leaves at most {rate:.0f} exchanges a second" if nearly_always else f"each cost {stalls.mean_ms:.1f} ms"
+    )
     evidence = [
         f"stalls of {sender}: {stalls}",
         *(_stall_words(stall, sender, acknowledger) for stall in direction.examples),
@@ -125,8 +131,7 @@ def _nagle(connection: Connection, direction: Direction, sender: Side, acknowled
         whose=Whose.CONFIGURATION,
         sentence=f"{sender} {'needs' if certain else 'may need'} TCP_NODELAY: {_times(stalls.count)} in "
         f"{direction.segments} segments it held data back (Nagle's algorithm) until {acknowledger}, which acknowledges "
-        f"{delay_words(delays.mean_ms)}, had acknowledged what went before; that leaves at most {rate:.0f} exchanges a "
-        f"second",
+        f"{delay_words(delays.mean_ms)}, had acknowledged what went before; {cost}",
         evidence=tuple(evidence),
         remedies=nagle_remedies(sender=str(sender), acknowledger=str(acknowledger)),
         figures={
