@@ -144,6 +144,25 @@ def test_a_pause_after_a_delayed_acknowledgement_is_the_programs_own() -> None:
     assert kinds(talk) == ["tcp-healthy"]
 
 
+def test_pauses_between_stalls_are_not_counted_as_stalls() -> None:
+    talk = asks_in_two_parts(Talk().handshake(), delay_ms=40)
+    for number in range(5):
+        talk.client(1000 + number * 100, 30)
+        talk.server(1040 + number * 100)
+    found = only("tcp-nagle", talk)
+    assert found.figures["stalls"] == 10
+    assert "4 times it sent later than that, at its own pace: not counted" in found.evidence
+
+
+def test_a_connection_that_ends_with_a_full_buffer_is_not_full_for_ever() -> None:
+    over = ping_pong(Talk().handshake(), count=5)
+    over.client(100, 1460)
+    over.server(100.5, window=0)
+    over.client(104, flags=RST | ACK)
+    later = ping_pong(Talk(client=("10.0.0.9", 4000)).handshake(), count=100)
+    assert only("tcp-zero-window", over, later).figures["closed_max_ms"] == 3.5
+
+
 def test_parts_that_wait_for_a_prompt_acknowledgement_are_a_risk() -> None:
     found = diagnosis(asks_in_two_parts(Talk().handshake(), delay_ms=0.3))
     assert [one.kind for one in found.findings] == ["tcp-healthy", "tcp-held"]

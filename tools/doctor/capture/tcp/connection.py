@@ -99,11 +99,11 @@ class Connection:
         if segment.size and not segment.flags & (SYN | RST) and there.sent(segment, back.travel_ns):
             self._speak(segment, there, from_client=from_client)
 
-    def end(self, at_unix_ns: int) -> None:
-        """Close the books when the capture ends at ``at_unix_ns``."""
+    def end(self) -> None:
+        """Close the books with the last segment."""
         self._close_exchange()
-        self.requests.end(at_unix_ns)
-        self.replies.end(at_unix_ns)
+        self.requests.end(self.last_ns)
+        self.replies.end(self.last_ns)
 
     def _is_recorded_twice(self, segment: Segment) -> bool:
         for before in self._before:

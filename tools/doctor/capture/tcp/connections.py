@@ -21,7 +21,6 @@ class Connections:
         self._most = most
         self._open: dict[_Ends, Connection] = {}
         self._over: list[Connection] = []
-        self._last_ns = 0
         self.left_out = 0
         """Connections that were looked at and given up for room."""
 
@@ -39,13 +38,12 @@ class Connections:
                     self._make_room()
                 connection = known[ends] = Connection(segment)
             connection.take(segment)
-            self._last_ns = max(self._last_ns, segment.at_unix_ns)
 
     def end(self) -> list[Connection]:
         """Return all of them, in the order of their beginning; no segment may follow."""
         found = sorted([*self._over, *self._open.values()], key=lambda one: one.first_number)
         for connection in found:
-            connection.end(self._last_ns)
+            connection.end()
         return found
 
     @staticmethod

@@ -80,7 +80,6 @@ class Direction:
     full_bytes: int | None = None
     """The largest payload of a segment; None where the capture does not have the beginning."""
     segments: int = 0
-    bytes: int = 0
     stalls: StatisticTimer = field(default_factory=StatisticTimer)
     """From the segment before to the one that was held [ms]."""
     delays: StatisticTimer = field(default_factory=StatisticTimer)
@@ -168,7 +167,6 @@ class Direction:
         elif start > expected:
             self._missing.add(expected, start, at_ns)
         self.segments += 1
-        self.bytes += end - max(start, expected)
         small = self.is_small(size)
         if small and not segment.flags & FIN and start >= expected:
             self._judge(segment, back_ns)
@@ -200,7 +198,7 @@ class Direction:
             self._free = None
 
     def end(self, at_unix_ns: int) -> None:
-        """Count what is not over when the capture ends."""
+        """Count what is not over with the last segment."""
         if self._closed_at_ns is not None:
             self.closed_windows.add((at_unix_ns - self._closed_at_ns) / _NS_PER_MS)
             self._closed_at_ns = None

@@ -123,6 +123,8 @@ def _nagle(connection: Connection, direction: Direction, sender: Side, acknowled
     ]
     if direction.unheld:
         evidence.append(f"from packet {direction.first_unheld} on {sender} held nothing back any more")
+    if direction.own_pace:
+        evidence.append(f"{_times(direction.own_pace)} it sent later than that, at its own pace: not counted")
     if not certain:
         evidence.append(f"seen {_times(stalls.count)} only: that may be chance")
     return Finding(
