@@ -44,6 +44,8 @@ from hil.values.servo import (
     Welcome,
 )
 
+MAX_GOALS: Final = 256
+"""Goals reached that wait for a handler; where a handler is slower than they come, the oldest are lost, and counted."""
 JOIN_KNOCKS: Final = 5
 """Commands that get no state before the offer is thought forgotten, and asked for anew."""
 _NONCE_MODULUS: Final = 1 << 64
@@ -144,8 +146,10 @@ class ServoSession:
         self.requests = RequestBook()
         self.motions: dict[int, MotionRecord] = {}
         """Motions that did not end, by number."""
-        self.goals: deque[GoalEvent] = deque()
+        self.goals: deque[GoalEvent] = deque(maxlen=MAX_GOALS)
         """Goals reached that the shell has yet to tell."""
+        self.goals_lost = 0
+        """Goals reached that no handler was told of, because it was busy with those before."""
         self.states = 0
         """State packets taken."""
         self.sent = 0
@@ -331,6 +335,7 @@ class ServoSession:
         elif isinstance(report, GoalReached):
             record = self.motions.get(report.motion)
             if record is not None and record.on_goal is not None:
+                self.goals_lost += len(self.goals) == MAX_GOALS
                 self.goals.append(GoalEvent(record, report))
         else:
             record = self.motions.pop(report.motion, None)
