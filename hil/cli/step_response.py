@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from tools.step_response.report import StepResponseReport
 
 _TABLE_WIDTH = 120
+_COLUMNS_WITHOUT_PEAKS = 7
 
 
 def step_response(  # noqa: PLR0917  # typer makes the options of the parameters
@@ -72,17 +73,20 @@ def _show(report: "StepResponseReport") -> None:
     from tools.step_response.report import COLUMNS, NOTES
 
     console = Console(highlight=False)
-    # A table that has no room breaks its numbers; in a file there is room.
+    # In a file there is room for all of it; where a terminal has none, whole columns go, not parts of numbers.
     wide = console if console.is_terminal else Console(highlight=False, width=_TABLE_WIDTH)
+    shown = len(COLUMNS) if wide.width >= _TABLE_WIDTH else _COLUMNS_WITHOUT_PEAKS
     table = Table(title=escape(report.title))
-    for name, unit in COLUMNS:
+    for name, unit in COLUMNS[:shown]:
         table.add_column(f"{name}\n{unit}" if unit else name, justify="right" if unit else "left", no_wrap=True)
     for axis in report.axes:
         for row in report.rows():
             if row[0] == JOINT_NAMES[axis]:
-                table.add_row(*map(escape, row))
+                table.add_row(*map(escape, row[:shown]))
         table.add_section()
     wide.print(table)
+    if shown < len(COLUMNS):
+        console.print("Velocity, acceleration and jerk have no room here; step-response.md has them.", style="dim")
     for sentence in report.tripped():
         console.print(f"[red]{escape(sentence)}[/red]", soft_wrap=True)
     for note in NOTES:

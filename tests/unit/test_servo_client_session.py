@@ -274,6 +274,23 @@ def test_superseded_destinations_that_wait_for_an_answer_are_bounded() -> None:
     assert not session.requests._unresolved
 
 
+def test_a_motion_whose_end_was_lost_is_over_once_nothing_more_is_to_be_told() -> None:
+    shell = connected()
+    record, session = shell.start().record, shell.session
+    assert record is not None
+    waiting = session.ask(SmartServo().request).request.number
+    nothing_runs, seen = StandIn(CODEC).snapshot(), session.reports_seen
+    tell(session, State(1001, 50, 9, 1, nothing_runs))
+    assert set(session.motions) == {record.number, waiting}  # no report was lost: that of its end is on its way
+    tell(session, State(1001, 51, 9, 1, nothing_runs, (RequestDone(seen + 3, 77, 0),)))
+    assert session.reports_lost == 2
+    assert set(session.motions) == {record.number, waiting}  # others may be on their way
+    tell(session, State(1001, 52, 9, 1, nothing_runs))
+    assert record.ended is not None
+    assert record.ended.reason == "the controller's report of how this motion ended was lost"
+    assert set(session.motions) == {waiting}
+
+
 def test_goals_that_a_busy_handler_is_not_told_are_bounded_and_counted() -> None:
     shell = connected()
     motion = shell.start()

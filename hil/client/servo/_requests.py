@@ -104,6 +104,10 @@ class RequestBook:
                 older.resolve(RequestDone(done.number, number, done.at_ns, RequestError.ILLEGAL_STATE, _LOST))
         return pending.request
 
+    def waits_for(self, number: int) -> bool:
+        """Whether it is not known yet what became of the request of that number."""
+        return number in self._unresolved
+
     def answered(self, answer: FrameDescribed | FlangeLocated | LoadValidated) -> None:
         """Note the answer to a question."""
         pending = self._unresolved.get(answer.request)
