@@ -1,0 +1,107 @@
+"""A UDP socket to one peer that tells when the kernel got a datagram, and how many it had no room for."""
+
+import select
+import socket
+import struct
+import sys
+from types import TracebackType
+from typing import Final, NamedTuple, Self
+
+from hil.clock import Clock, unix_time_ns
+from hil.values.errors import EndpointError
+from hil.values.link import Address
+from transport.udp import RECEIVE_BUFFER_BYTES
+
+_SO_TIMESTAMPNS: Final = 35
+_SO_RXQ_OVFL: Final = 40
+_TIMESPEC: Final = struct.Struct("@ll")
+_COUNT: Final = struct.Struct("@I")
+_MOST_BYTES: Final = 1 << 16
+_BELIEVED_WAIT_NS: Final = 10_000_000_000
+
+
+class Heard(NamedTuple):
+    """A datagram; when it arrived by the machine's monotonic clock, and how long it waited to be read.
+
+    Without a stamp of the kernel's it arrived when it was read, and how long it waited is not known.
+    """
+
+    datagram: bytes
+    arrived_ns: int
+    waited_ns: int | None
+
+
+class Gone(EndpointError):
+    """Nothing listens there, or no way leads there."""
+
+
+class StampedSocket:
+    """A connected socket, to be used in a ``with`` block."""
+
+    def __init__(self, peer: Address, clock: Clock) -> None:
+        self.peer = peer
+        self.dropped: int | None = None
+        """Datagrams the kernel had no room for, as far as a later one told of them; None: it does not say."""
+        self._clock = clock
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.setblocking(False)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+            if sys.platform == "linux":
+                self._socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+                self._socket.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+                self.dropped = 0
+            self._socket.connect(peer)
+        except OSError as error:
+            self._socket.close()
+            raise Gone(f"cannot reach UDP {peer}: {error.strerror}") from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._socket.close()
+
+    def send(self, datagram: bytes) -> bool:
+        """Send to the peer; return whether it left, as it does unless our own buffer is full. Raises :class:`Gone`."""
+        try:
+            self._socket.send(datagram)
+        except BlockingIOError:
+            return False
+        except OSError as error:
+            raise self._gone(error) from error
+        return True
+
+    def receive(self, within_s: float) -> Heard | None:
+        """Return the peer's next datagram; None when the time is up. Raises :class:`Gone`."""
+        # Not poll, whose timeout is rounded up to whole milliseconds.
+        ready, _, _ = select.select([self._socket], [], [], max(0.0, within_s))
+        return self._read() if ready else None
+
+    def _read(self) -> Heard | None:
+        try:
+            if not hasattr(self._socket, "recvmsg"):
+                return Heard(self._socket.recv(_MOST_BYTES), self._clock.now_ns(), None)
+            datagram, notes, _, _ = self._socket.recvmsg(_MOST_BYTES, 128)
+        except BlockingIOError:
+            return None
+        except OSError as error:
+            raise self._gone(error) from error
+        now_ns, waited_ns = self._clock.now_ns(), None
+        for level, kind, data in notes:
+            if level != socket.SOL_SOCKET:
+                continue
+            if kind == _SO_TIMESTAMPNS and len(data) == _TIMESPEC.size:
+                seconds, nanoseconds = _TIMESPEC.unpack(data)
+                waited_ns = unix_time_ns() - seconds * 1_000_000_000 - nanoseconds
+            elif kind == _SO_RXQ_OVFL and len(data) == _COUNT.size:
+                self.dropped = _COUNT.unpack(data)[0]
+        # A clock that was set meanwhile makes no datagram old.
+        if waited_ns is not None and not 0 <= waited_ns <= _BELIEVED_WAIT_NS:
+            waited_ns = None
+        return Heard(datagram, now_ns - (waited_ns or 0), waited_ns)
+
+    def _gone(self, error: OSError) -> Gone:
+        if isinstance(error, ConnectionRefusedError):
+            return Gone(f"nothing listens at UDP {self.peer}: its machine answers that the port is closed")
+        return Gone(f"cannot reach UDP {self.peer}: {error.strerror}")
