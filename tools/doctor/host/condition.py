@@ -4,6 +4,7 @@ import os
 import platform
 import sys
 from collections.abc import Mapping
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -73,7 +74,8 @@ class Condition:
     throttled_share: float | None = None
     receive_errors: int | None = None
     swapped_pages: int | None = None
-    busiest: tuple[BusyProcess, ...] = ()
+    busiest: tuple[BusyProcess, ...] | None = None
+    """Other processes on the CPUs this one may use."""
 
     @property
     def may_be_realtime(self) -> bool | None:
@@ -111,10 +113,11 @@ def over(before: Look, after: Look) -> Condition:
     if before.quota is not None and after.quota is not None:
         throttled_us = after.quota.throttled_us - before.quota.throttled_us
     realtime_limit, locked_limit = _limits()
+    allowed = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else None
     return Condition(
         system=f"{platform.system()} {platform.release()}",
         cpus=os.cpu_count() or 1,
-        cpus_allowed=len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else None,
+        cpus_allowed=None if allowed is None else len(allowed),
         scheduling=_scheduling(),
         realtime_priority_limit=realtime_limit,
         may_change_priority=readings.may_change_priority(_read("/proc/self/status")),
@@ -137,16 +140,30 @@ def over(before: Look, after: Look) -> Condition:
         throttled_share=None if throttled_us is None else 1000 * throttled_us / took_ns,
         receive_errors=_grown(before.receive_errors, after.receive_errors),
         swapped_pages=_grown(before.swapped_pages, after.swapped_pages),
-        busiest=busiest(before.processes, after.processes, took_ns=took_ns, ticks_per_s=_ticks_per_s()),
+        busiest=busiest(
+            before.processes, after.processes, allowed=allowed, took_ns=took_ns, ticks_per_s=_ticks_per_s()
+        ),
     )
 
 
 def busiest(
-    before: Mapping[int, ProcessTime], after: Mapping[int, ProcessTime], *, took_ns: int, ticks_per_s: int
-) -> tuple[BusyProcess, ...]:
-    """Return the processes that used most between two looks; what began and ended in between is not seen."""
+    before: Mapping[int, ProcessTime],
+    after: Mapping[int, ProcessTime],
+    *,
+    allowed: AbstractSet[int] | None,
+    took_ns: int,
+    ticks_per_s: int,
+) -> tuple[BusyProcess, ...] | None:
+    """Return the processes that used most between two looks, of those on the CPUs ``allowed`` (None: all).
+
+    What began and ended in between is not seen. None where no process is.
+    """
+    if not after:
+        return None
     found = []
     for pid, now in after.items():
+        if allowed is not None and now.cpu not in allowed:
+            continue
         earlier = before.get(pid)
         ticks = now.ticks - (earlier.ticks if earlier is not None and earlier.began == now.began else 0)
         share = ticks / ticks_per_s / (took_ns * 1e-9)

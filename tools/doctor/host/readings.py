@@ -21,11 +21,15 @@ class CpuTimes(NamedTuple):
 
 
 class ProcessTime(NamedTuple):
-    """CPU time a process has used, in clock ticks; ``began`` tells it from a later one with its number."""
+    """CPU time a process has used, in clock ticks, and the CPU it was on last.
+
+    ``began`` tells it from a later one with its number.
+    """
 
     name: str
     ticks: int
     began: int
+    cpu: int
 
 
 class Quota(NamedTuple):
@@ -38,7 +42,8 @@ class Quota(NamedTuple):
 def cpu_times(stat: str) -> CpuTimes | None:
     """Read ``/proc/stat``."""
     for line in stat.splitlines():
-        name, *numbers = line.split()
+        name, _, rest = line.partition(" ")
+        numbers = rest.split()
         if name == "cpu" and len(numbers) >= _BUSY_FIELDS:
             times = [int(number) for number in numbers[:_BUSY_FIELDS]]
             return CpuTimes(sum(times), times[3] + times[4], times[7])
@@ -49,9 +54,10 @@ def process_time(stat: str) -> ProcessTime | None:
     """Read ``/proc/PID/stat``; the name may hold blanks and brackets."""
     head, bracket, tail = stat.rpartition(")")
     fields = tail.split()
-    if not bracket or len(fields) < 20:
+    if not bracket or len(fields) < 37:
         return None
-    return ProcessTime(head.partition("(")[2], int(fields[11]) + int(fields[12]), int(fields[19]))
+    ticks = int(fields[11]) + int(fields[12])
+    return ProcessTime(head.partition("(")[2], ticks, began=int(fields[19]), cpu=int(fields[36]))
 
 
 def waited_ns(schedstat: str) -> int | None:

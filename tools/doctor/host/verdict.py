@@ -6,7 +6,7 @@ from hil.core.settings import NS_PER_MS
 from hil.runtime.realtime import FIFO_PRIORITY
 from hil.values.finding import Diagnosis, EvidenceTable, Figure, Finding, Severity, Whose
 from tools.bench.bounds import LATENESS_P99_US, MISSED_SHARE, at_most
-from tools.doctor.host.condition import Condition
+from tools.doctor.host.condition import BUSY_SHARE, BusyProcess, Condition
 from tools.doctor.host.lateness import Lateness
 from transport.udp import RECEIVE_BUFFER_BYTES
 
@@ -105,7 +105,7 @@ def _measured_causes(condition: Condition) -> list[_Cause]:
         )
     waited = condition.waited_share or 0.0
     if waited >= CAUSE_SHARE:
-        others = ", ".join(f"{one.name} ({one.pid}) {100 * one.share:.0f} %" for one in condition.busiest)
+        others = _processes(condition.busiest or ())
         causes.append(
             _Cause(
                 waited,
@@ -206,8 +206,9 @@ def _readings_table(condition: Condition) -> EvidenceTable:
         "this process was preempted": None if condition.preempted is None else f"{condition.preempted} times",
         "quota of the control group": _quota_text(condition),
         "load, one minute": None if condition.one_minute_load is None else f"{condition.one_minute_load:.2f}",
-        "busiest others": ", ".join(f"{one.name} ({one.pid}) {100 * one.share:.0f} %" for one in condition.busiest)
-        or "none above 5 % of one CPU",
+        "busiest others on its CPUs": None
+        if condition.busiest is None
+        else _processes(condition.busiest) or f"none above {_percent(BUSY_SHARE)} of one CPU",
         "pages swapped": None if condition.swapped_pages is None else str(condition.swapped_pages),
         "receive buffer, most / default": None
         if condition.receive_buffer_max_bytes is None or condition.receive_buffer_default_bytes is None
@@ -221,6 +222,10 @@ def _readings_table(condition: Condition) -> EvidenceTable:
         ("what", "reading"),
         tuple((what, UNKNOWN if reading is None else reading) for what, reading in rows.items()),
     )
+
+
+def _processes(processes: tuple[BusyProcess, ...]) -> str:
+    return ", ".join(f"{one.name} ({one.pid}) {100 * one.share:.0f} %" for one in processes)
 
 
 def _realtime_text(condition: Condition) -> str | None:

@@ -7,7 +7,7 @@ from hil.values.finding import Diagnosis
 from hil.values.link import Address
 from hil.values.servo import ServoClientCodec
 from tools.doctor.udp.figures import figures
-from tools.doctor.udp.measure import measure
+from tools.doctor.udp.measure import watch
 from tools.doctor.udp.opening import ANSWER_WITHIN_S, join
 from tools.doctor.udp.stamped import StampedSocket
 from tools.doctor.udp.verdict import judge
@@ -32,7 +32,7 @@ def diagnose_udp(
     with StampedSocket(controller, clock) as sock:
         joined = join(sock, codec, period_ms=period_ms, has_key=has_key, within_s=answer_within_s)
         unix_minus_clock_ns = unix_time_ns() - clock.now_ns()
-        tally = measure(sock, codec, joined, seconds=seconds, clock=clock, progress=progress)
+        tally = watch(sock, codec, joined, seconds=seconds, clock=clock, progress=progress)
     return judge(
         figures(tally, joined.welcome, period_ms=joined.period_ms, unix_minus_clock_ns=unix_minus_clock_ns),
         controller=controller,

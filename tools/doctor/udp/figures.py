@@ -6,8 +6,8 @@ from typing import Final
 from hil.core.settings import NS_PER_MS
 from hil.core.statistics import Histogram
 from hil.values.servo import Welcome
-from tools.doctor.udp.floor import floor_under
-from tools.doctor.udp.tally import Tally
+from tools.doctor.udp.floor import Floor, floor_under
+from tools.doctor.udp.tally import Answered, Tally
 
 LEAST_STATES: Final = 20
 """Fewer show no drift."""
@@ -31,6 +31,7 @@ class LinkFigures:
     drops_known: bool = True
     """Whether this system tells what its sockets drop."""
     requests_sent: int = 0
+    """Those of which is known what became of them."""
     requests_lost: int = 0
     answered: int = 0
     round_trip: Histogram = field(default_factory=Histogram)
@@ -82,7 +83,7 @@ def figures(tally: Tally, welcome: Welcome, *, period_ms: int, unix_minus_clock_
         states_reordered=states.reordered,
         dropped_here=min(tally.dropped_here or 0, states.lost),
         drops_known=tally.dropped_here is not None,
-        requests_sent=tally.requests_sent,
+        requests_sent=tally.requests_sent - tally.requests_open,
         requests_lost=tally.requests_lost,
         waited_here=tally.waited,
         send_late=tally.send_late,
@@ -98,18 +99,18 @@ def figures(tally: Tally, welcome: Welcome, *, period_ms: int, unix_minus_clock_
         if len(delays_down) >= LEAST_STATES and span_ns > 0:
             found.drift_ppm = floor.slope * 1e6
             found.drift_resolution_ppm = (found.jitter_down.quantile(0.5) or 0) / span_ns * 1e6
-    _requests(found, tally)
-    if found.answered:
+    answers = tally.answers()
+    up_floor = _requests(found, answers)
+    if answers:
         # As NTP does it: where the quickest packet of each way took as long as that of the other.
-        up_ns = min(one.arrived_ns - one.sent_ns for one in tally.answers())
-        down_ns = min(delays_down)
+        last = answers[-1]
+        up_ns, down_ns = up_floor.delay_ns(last.sent_ns), floor.delay_ns(last.due_ns)
         found.clock_ahead_ns = welcome.unix_epoch_ns + (up_ns - down_ns) // 2 - unix_minus_clock_ns
         found.clock_resolution_ns = max(0, up_ns + down_ns) // 2
     return found
 
 
-def _requests(found: LinkFigures, tally: Tally) -> None:
-    answers = tally.answers()
+def _requests(found: LinkFigures, answers: list[Answered]) -> Floor:
     found.answered = len(answers)
     floor = floor_under([one.sent_ns for one in answers], [one.arrived_ns - one.sent_ns for one in answers])
     for one in answers:
@@ -121,3 +122,4 @@ def _requests(found: LinkFigures, tally: Tally) -> None:
             found.cycle_late.add(-wait_ns)
             found.behind += -wait_ns >= found.cycle_ns
         found.jitter_up.add(floor.excess_ns(one.sent_ns, one.arrived_ns - one.sent_ns))
+    return floor

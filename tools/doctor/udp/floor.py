@@ -12,9 +12,13 @@ class Floor(NamedTuple):
     base_ns: int
     slope: float
 
+    def delay_ns(self, at_ns: int) -> int:
+        """Return the line's delay at a time."""
+        return self.base_ns + round(self.slope * (at_ns - self.from_ns))
+
     def excess_ns(self, at_ns: int, delay_ns: int) -> int:
-        """Return how far a delay is above the line; not negative for those it was laid under."""
-        return delay_ns - self.base_ns - round(self.slope * (at_ns - self.from_ns))
+        """Return how far a delay is above the line; not negative, but for rounding, for those it was laid under."""
+        return delay_ns - self.delay_ns(at_ns)
 
 
 def floor_under(at_ns: Sequence[int], delays_ns: Sequence[int]) -> Floor:

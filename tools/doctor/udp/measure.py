@@ -8,7 +8,7 @@ from hil.core.settings import NS_PER_MS
 from hil.values.errors import MalformedDatagram
 from hil.values.servo import Command, DescribeFrame, Ended, Goodbye, ServoClientCodec, State
 from tools.doctor.udp.opening import Joined
-from tools.doctor.udp.stamped import Gone, Heard, StampedSocket
+from tools.doctor.udp.stamped import Gone, Heard, TimedSocket
 from tools.doctor.udp.tally import Tally
 
 SILENCE_NS: Final = 1_500_000_000
@@ -20,8 +20,8 @@ _GOLDEN: Final = 0.6180339887498949
 """Its multiples are spread over the cycle evenly, however many there are."""
 
 
-def measure(
-    sock: StampedSocket,
+def watch(
+    sock: TimedSocket,
     codec: ServoClientCodec,
     joined: Joined,
     *,
@@ -30,17 +30,17 @@ def measure(
     progress: Callable[[float], None],
 ) -> Tally:
     """Watch for ``seconds``; ``progress`` gets them, about one a second. What ends it early is in the tally."""
-    watch = _Watch(sock, codec, joined, clock)
+    one = _Watch(sock, codec, joined, clock)
     try:
-        watch.run(round(seconds * 1e9), progress)
+        one.run(round(seconds * 1e9), progress)
     except Gone as gone:
-        watch.tally.ended_because = str(gone)
-    watch.leave()
-    return watch.tally
+        one.tally.ended_because = str(gone)
+    one.leave()
+    return one.tally
 
 
 class _Watch:
-    def __init__(self, sock: StampedSocket, codec: ServoClientCodec, joined: Joined, clock: Clock) -> None:
+    def __init__(self, sock: TimedSocket, codec: ServoClientCodec, joined: Joined, clock: Clock) -> None:
         self.tally = Tally(joined.welcome.token)
         self._sock, self._codec, self._clock = sock, codec, clock
         self._token = joined.welcome.token
@@ -59,7 +59,7 @@ class _Watch:
             now_ns = self._clock.now_ns()
             gone_ns = now_ns - began_ns
             over = gone_ns >= length_ns
-            if over and (self.tally.settled or gone_ns >= length_ns + SETTLE_NS):
+            if over and (not self.tally.requests_open or gone_ns >= length_ns + SETTLE_NS):
                 return
             if gone_ns // 1_000_000_000 > told_s:
                 told_s = gone_ns // 1_000_000_000

@@ -7,7 +7,7 @@ from hil.clock import Deadline
 from hil.values.errors import EndpointError, MalformedDatagram
 from hil.values.outcomes import Outcome
 from hil.values.servo import PROTOCOL_VERSION, Command, Hello, Refused, Role, ServoClientCodec, State, Welcome
-from tools.doctor.udp.stamped import Gone, Heard, StampedSocket
+from tools.doctor.udp.stamped import Gone, Heard, TimedSocket
 
 ANSWER_WITHIN_S: Final = 3.0
 KNOCK_EVERY_S: Final = 0.05
@@ -28,7 +28,7 @@ class Joined(NamedTuple):
 
 
 def join(
-    sock: StampedSocket, codec: ServoClientCodec, *, period_ms: int | None, has_key: bool, within_s: float
+    sock: TimedSocket, codec: ServoClientCodec, *, period_ms: int | None, has_key: bool, within_s: float
 ) -> Joined:
     """Begin a session as an observer; raise :class:`EndpointError` in one sentence."""
     opening = _Opening(sock, codec, has_key=has_key, within_s=within_s)
@@ -50,7 +50,7 @@ def join(
 
 
 class _Opening:
-    def __init__(self, sock: StampedSocket, codec: ServoClientCodec, *, has_key: bool, within_s: float) -> None:
+    def __init__(self, sock: TimedSocket, codec: ServoClientCodec, *, has_key: bool, within_s: float) -> None:
         self._sock, self._codec, self._has_key = sock, codec, has_key
         self._within_s = within_s
         self._strange = ""

@@ -5,7 +5,7 @@ import socket
 import struct
 import sys
 from types import TracebackType
-from typing import Final, NamedTuple, Self
+from typing import Final, NamedTuple, Protocol, Self
 
 from hil.clock import Clock, unix_time_ns
 from hil.values.errors import EndpointError
@@ -35,13 +35,26 @@ class Gone(EndpointError):
     """Nothing listens there, or no way leads there."""
 
 
+class TimedSocket(Protocol):
+    """What a measurement needs of a socket to one peer."""
+
+    peer: Address
+    dropped: int | None
+    """Datagrams the kernel had no room for, as far as a later one told of them; None: it does not say."""
+
+    def send(self, datagram: bytes) -> bool:
+        """Send to the peer; return whether it left, as it does unless our own buffer is full. Raises :class:`Gone`."""
+
+    def receive(self, within_s: float) -> Heard | None:
+        """Return the peer's next datagram; None when the time is up. Raises :class:`Gone`."""
+
+
 class StampedSocket:
-    """A connected socket, to be used in a ``with`` block."""
+    """The machine's own :class:`TimedSocket`, to be used in a ``with`` block."""
 
     def __init__(self, peer: Address, clock: Clock) -> None:
         self.peer = peer
         self.dropped: int | None = None
-        """Datagrams the kernel had no room for, as far as a later one told of them; None: it does not say."""
         self._clock = clock
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:

@@ -103,9 +103,9 @@ class Tally:
         return len(self._open) < MOST_OPEN
 
     @property
-    def settled(self) -> bool:
-        """Whether it is known of each request what became of it."""
-        return not self._open
+    def requests_open(self) -> int:
+        """Requests of which is not known what became of them."""
+        return len(self._open)
 
     def asked(self, *, number: int, sequence: int, sent_ns: int) -> None:
         """The request ``number`` left in the packet ``sequence``."""

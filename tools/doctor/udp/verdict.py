@@ -205,6 +205,8 @@ def _drift(found: LinkFigures, ppm: float) -> Finding:
 
 def _loss_text(found: LinkFigures) -> str:
     lost = max(0, found.states_lost - found.dropped_here)
+    if not lost and not found.requests_lost:
+        return f"none of {found.states_sent} states and {found.requests_sent} requests was lost"
     return (
         f"{_percent(found.down_lost_share)} of what the controller sent was lost ({lost} of {found.states_sent} "
         f"states), {_percent(found.up_lost_share)} of what this host sent ({found.requests_lost} of "
@@ -230,7 +232,7 @@ def _context(found: LinkFigures) -> tuple[str, ...]:
             lines.append(f"the controller's clock is {abs(found.drift_ppm):.1f} ppm {way}, to {resolution}")
     if found.clock_ahead_ns is not None:
         lines.append(
-            f"the controller's time of day is {_ms(abs(found.clock_ahead_ns))} "
+            f"the controller's time of day is {_time(abs(found.clock_ahead_ns))} "
             f"{'ahead of' if found.clock_ahead_ns >= 0 else 'behind'} this host's, to {_ms(found.clock_resolution_ns)}"
         )
     return tuple(lines)
@@ -308,6 +310,10 @@ def _figures(found: LinkFigures) -> dict[str, Figure]:
 
 def _percent(share: float) -> str:
     return f"{100 * share:.2g} %" if share < 0.1 else f"{100 * share:.1f} %"
+
+
+def _time(value_ns: int) -> str:
+    return f"{value_ns / 1e9:.3f} s" if value_ns >= 1_000_000_000 else _ms(value_ns)
 
 
 def _ms(value_ns: int | None) -> str:
