@@ -7,10 +7,12 @@ from collections.abc import Callable
 import pytest
 
 from hil.values.finding import Diagnosis, Severity, Whose
+from hil.values.fri import Release
 from tests.support.timed_link import CONTROLLER, MS, US, TimedLink, diagnosed, measured, wire
 from tools.doctor.udp.figures import LinkFigures
 from tools.doctor.udp.floor import floor_under
-from tools.doctor.udp.tally import MOST_MISSING, States
+from tools.doctor.udp.fri import fri_figures
+from tools.doctor.udp.tally import MOST_MISSING, FriTally, States
 from tools.doctor.udp.verdict import judge
 
 NEVER = 10**9
@@ -264,6 +266,50 @@ def test_states_are_counted_by_their_numbers() -> None:
     assert states.book(10**15)
     assert len(states._missing) == MOST_MISSING
     assert not states.book(12)
+
+
+def fri_tally(
+    *, lost: int = NEVER, overtaken: int = NEVER, unheard: int = NEVER, first: int = 2**32 - 5, stamps: bool = True
+) -> FriTally:
+    """Return what thirty messages 5 ms apart and their answers come to; the counter runs over."""
+    tally = FriTally()
+    taken = 0
+    for place in range(30):
+        at_ns = place * 5 * MS
+        if place != unheard:
+            # After a stall two messages come at once: the answers to them are there at once too.
+            arrived_ns = at_ns + (5 * MS if place == overtaken else 0)
+            tally.heard(
+                (first + place) % 2**32, reflected=taken, period_ns=5 * MS, stamp_ns=stamps * (10**18 + at_ns),
+                arrived_ns=arrived_ns + 100 * US, waited_ns=30 * US,
+            )  # fmt: skip
+            tally.answered(place + 1, sent_ns=arrived_ns + 200 * US)
+            if place not in {lost, overtaken}:
+                taken = place + 1
+    return tally
+
+
+def test_answers_that_were_not_taken_are_lost_or_overtaken_or_not_known() -> None:
+    clean = fri_tally()
+    assert (clean.states.sent, clean.states.lost, clean.lost, clean.overtaken, clean.confirmed) == (30, 0, 0, 0, 29)
+    assert clean.confirmed_after.maximum == 4_900_000
+    found = fri_tally(lost=7)
+    assert (found.lost, found.overtaken, found.confirmed) == (1, 0, 28)
+    found = fri_tally(overtaken=7)
+    assert (found.lost, found.overtaken, found.confirmed) == (0, 1, 28)
+    found = fri_tally(unheard=9, lost=8)
+    assert (found.states.lost, found.lost, found.overtaken) == (1, 1, 0)
+
+
+@pytest.mark.parametrize("stamps", [True, False])
+def test_a_lost_answer_of_the_fri_link_is_the_verdict(stamps: bool) -> None:
+    found = fri_figures(fri_tally(lost=7, stamps=stamps), None, Release.V1_15)
+    found.period_ns = 5 * MS
+    diagnosis = judge(found, controller=CONTROLLER, same_machine=False)
+    assert diagnosis.verdict.sentence.startswith(
+        "packets are lost: 0 % of what the controller sent was lost (0 of 30 messages), 3.4 % of what this host sent "
+        "(1 of 29 answers)"
+    )
 
 
 def test_the_floor_is_under_every_delay_and_has_the_drift() -> None:

@@ -19,6 +19,9 @@ class LinkFigures:
 
     period_ns: int
     cycle_ns: int
+    down: str = "states"
+    """What the controller sends; and what this host sends:"""
+    up: str = "requests"
     seconds: float = 0.0
     software: str = ""
     robot: str = ""
@@ -34,6 +37,8 @@ class LinkFigures:
     """Those of which is known what became of them."""
     requests_lost: int = 0
     answered: int = 0
+    overtaken: int = 0
+    """Answers to a message that the next one followed at once: the controller may have had two, and took the newer."""
     round_trip: Histogram = field(default_factory=Histogram)
     """From sending a request to the arrival of the state that answers it."""
     cycle_wait: Histogram = field(default_factory=Histogram)
@@ -57,6 +62,8 @@ class LinkFigures:
     """How far the controller's Unix time is ahead of this host's."""
     clock_resolution_ns: int = 0
     ended_because: str = ""
+    quality: str = ""
+    """Of an FRI session, as the controller says it, where it is less than GOOD."""
 
     @property
     def down_lost_share(self) -> float:

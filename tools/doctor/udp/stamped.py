@@ -10,7 +10,7 @@ from typing import Final, NamedTuple, Protocol, Self
 from hil.clock import Clock, unix_time_ns
 from hil.values.errors import EndpointError
 from hil.values.link import Address
-from transport.udp import RECEIVE_BUFFER_BYTES
+from transport.udp import RECEIVE_BUFFER_BYTES, bind_socket
 
 _SO_TIMESTAMPNS: Final = 35
 _SO_RXQ_OVFL: Final = 40
@@ -18,6 +18,7 @@ _TIMESPEC: Final = struct.Struct("@ll")
 _COUNT: Final = struct.Struct("@I")
 _MOST_BYTES: Final = 1 << 16
 _BELIEVED_WAIT_NS: Final = 10_000_000_000
+_IN_USE: Final = "; another program, maybe the FRI client, holds that port: end it, or choose another port"
 
 
 class Heard(NamedTuple):
@@ -50,12 +51,17 @@ class TimedSocket(Protocol):
 
 
 class StampedSocket:
-    """The machine's own :class:`TimedSocket`, to be used in a ``with`` block."""
+    """The machine's own :class:`TimedSocket`, to be used in a ``with`` block.
 
-    def __init__(self, peer: Address, clock: Clock) -> None:
+    Connected to ``peer``; or, given where to ``bind``, it hears whoever is on the peer's host and answers where the
+    last datagram came from. Raises :class:`EndpointError`.
+    """
+
+    def __init__(self, peer: Address, clock: Clock, *, bind: Address | None = None) -> None:
         self.peer = peer
         self.dropped: int | None = None
         self._clock = clock
+        self._connected = bind is None
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self._socket.setblocking(False)
@@ -64,10 +70,16 @@ class StampedSocket:
                 self._socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
                 self._socket.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
                 self.dropped = 0
-            self._socket.connect(peer)
+            if bind is None:
+                self._socket.connect(peer)
+            else:
+                bind_socket(self._socket, bind, in_use=_IN_USE)
         except OSError as error:
             self._socket.close()
             raise Gone(f"cannot reach UDP {peer}: {error.strerror}") from error
+        except EndpointError:
+            self._socket.close()
+            raise
 
     def __enter__(self) -> Self:
         return self
@@ -78,7 +90,10 @@ class StampedSocket:
     def send(self, datagram: bytes) -> bool:
         """Send to the peer; return whether it left, as it does unless our own buffer is full. Raises :class:`Gone`."""
         try:
-            self._socket.send(datagram)
+            if self._connected:
+                self._socket.send(datagram)
+            else:
+                self._socket.sendto(datagram, self.peer)
         except BlockingIOError:
             return False
         except OSError as error:
@@ -94,8 +109,9 @@ class StampedSocket:
     def _read(self) -> Heard | None:
         try:
             if not hasattr(self._socket, "recvmsg"):
-                return Heard(self._socket.recv(_MOST_BYTES), self._clock.now_ns(), None)
-            datagram, notes, _, _ = self._socket.recvmsg(_MOST_BYTES, 128)
+                datagram, sender = self._socket.recvfrom(_MOST_BYTES)
+                return Heard(datagram, self._clock.now_ns(), None) if self._is_of_peer(sender) else None
+            datagram, notes, _, sender = self._socket.recvmsg(_MOST_BYTES, 128)
         except BlockingIOError:
             return None
         except OSError as error:
@@ -112,7 +128,12 @@ class StampedSocket:
         # A clock that was set meanwhile makes no datagram old.
         if waited_ns is not None and not 0 <= waited_ns <= _BELIEVED_WAIT_NS:
             waited_ns = None
-        return Heard(datagram, now_ns - (waited_ns or 0), waited_ns)
+        return Heard(datagram, now_ns - (waited_ns or 0), waited_ns) if self._is_of_peer(sender) else None
+
+    def _is_of_peer(self, sender: tuple[str, int]) -> bool:
+        if not self._connected and sender[0] == self.peer.host:
+            self.peer = Address(*sender)
+        return self._connected or sender[0] == self.peer.host
 
     def _gone(self, error: OSError) -> Gone:
         if isinstance(error, ConnectionRefusedError):

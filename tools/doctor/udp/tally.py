@@ -9,6 +9,7 @@ from collections import OrderedDict, deque
 from typing import Final, NamedTuple
 
 from hil.core.statistics import Histogram
+from hil.values.fri import SEQUENCE_MODULUS
 from hil.values.servo import RequestDone, State
 
 MOST_MISSING: Final = 4096
@@ -71,6 +72,71 @@ class States:
     def lost(self) -> int:
         """How many of them did not come."""
         return self.sent - self.received
+
+
+class FriTally:
+    """Monitoring messages and the answers to them. It grows with the measurement, which the command line bounds."""
+
+    def __init__(self) -> None:
+        self.states = States()
+        self.numbers, self.stamps_ns, self.arrived_ns = array("q"), array("q"), array("q")
+        """Of each message: its number, its time stamp by the controller's clock (0: none), its arrival by ours."""
+        self.waited = Histogram()
+        self.confirmed_after = Histogram()
+        """From sending an answer to the first message that says the controller took it."""
+        self.confirmed = 0
+        self.lost = 0
+        """Answers the controller never took, though the next message came well after they were sent."""
+        self.overtaken = 0
+        """Answers it never took, and the next message came so soon that the next answer may have been there too."""
+        self.dropped_here: int | None = 0
+        self.ended_because = ""
+        self._sent: OrderedDict[int, int] = OrderedDict()
+        self._crowded: set[int] = set()
+        self._last_number: int | None = None
+
+    def heard(
+        self, counter: int, *, reflected: int, period_ns: int, stamp_ns: int, arrived_ns: int, waited_ns: int | None
+    ) -> None:
+        """A monitoring message arrived; counters are modulo 2^32."""
+        last = counter if self._last_number is None else self._last_number
+        number = last + (counter - last + SEQUENCE_MODULUS // 2) % SEQUENCE_MODULUS - SEQUENCE_MODULUS // 2
+        gap = number - last > 1
+        self._last_number = max(last, number)
+        if not self.states.book(number):
+            return
+        self.numbers.append(number)
+        self.stamps_ns.append(stamp_ns)
+        self.arrived_ns.append(arrived_ns)
+        if waited_ns is not None:
+            self.waited.add(waited_ns)
+        if self._sent:
+            newest, sent_ns = next(reversed(self._sent.items()))
+            if arrived_ns - sent_ns < period_ns // 2:
+                self._crowded.add(newest)
+        if reflected in self._sent:
+            self._confirm(reflected, arrived_ns, unknown_before=gap)
+
+    def answered(self, number: int, *, sent_ns: int) -> None:
+        """The answer ``number`` left."""
+        self._sent[number] = sent_ns
+        if len(self._sent) > MOST_MISSING:
+            forgotten, _ = self._sent.popitem(last=False)
+            self._crowded.discard(forgotten)
+            self.lost += 1
+
+    def _confirm(self, reflected: int, arrived_ns: int, *, unknown_before: bool) -> None:
+        while self._sent:
+            number, sent_ns = self._sent.popitem(last=False)
+            crowded = number in self._crowded
+            self._crowded.discard(number)
+            if number == reflected:
+                self.confirmed += 1
+                self.confirmed_after.add(arrived_ns - sent_ns)
+                return
+            # A message that did not come may have been the one that confirmed it.
+            self.overtaken += crowded
+            self.lost += not crowded and not unknown_before
 
 
 class Tally:

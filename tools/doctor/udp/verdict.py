@@ -36,6 +36,8 @@ def _findings(found: LinkFigures, same_machine: bool) -> Iterator[Finding]:
         yield _dropped_here(found)
     if found.down_lost_share or found.up_lost_share:
         yield _loss(found, same_machine)
+    if found.quality:
+        yield _quality(found)
     delayed = [*_late_cycles(found)]
     if not delayed or (found.jitter_up.quantile(0.99) or 0) > found.period_ns:
         delayed += _jitter(found, same_machine)
@@ -52,10 +54,8 @@ def _healthy(found: LinkFigures, controller: Address) -> Finding:
         "link-healthy",
         Severity.GOOD,
         Whose.NOBODY,
-        f"nothing wrong between this host and {controller}: {_loss_text(found)}; round trip "
-        f"{_ms(found.network.quantile(0.5))} (p99 {_ms(found.network.quantile(0.99))}) beside the wait for the "
-        f"controller's cycle of {found.cycle_ns / 1e6:g} ms; jitter p99 {_ms(found.jitter_down.quantile(0.99))} of a "
-        f"period of {found.period_ns / 1e6:g} ms",
+        f"nothing wrong between this host and {controller}: {_loss_text(found)}; {_round_trip_text(found)}; jitter p99 "
+        f"{_ms(found.jitter_down.quantile(0.99))} of a period of {found.period_ns / 1e6:g} ms",
     )
 
 
@@ -75,7 +75,7 @@ def _too_little(found: LinkFigures) -> Finding:
         "too-little",
         Severity.WARNING,
         Whose.PEER_OR_WIRE,
-        f"only {found.answered} of {found.requests_sent} requests were answered in {found.seconds:.1f} s: too little "
+        f"only {found.answered} of {found.requests_sent} {found.up} were answered in {found.seconds:.1f} s: too little "
         "for a verdict",
         (),
         ("measure longer: --seconds",),
@@ -87,8 +87,8 @@ def _dropped_here(found: LinkFigures) -> Finding:
         "receive-buffer",
         Severity.FAULT,
         Whose.HOST,
-        f"this host: {found.dropped_here} of {found.states_sent} states arrived and were dropped, because the buffer "
-        "of the socket was full: it was not read in time",
+        f"this host: {found.dropped_here} of {found.states_sent} {found.down} arrived and were dropped, because the "
+        "buffer of the socket was full: it was not read in time",
         (),
         ("see what holds this host up: hil doctor host", "a larger buffer: sysctl -w net.core.rmem_max=4194304"),
     )
@@ -116,7 +116,7 @@ def _loss(found: LinkFigures, same_machine: bool) -> Finding:
         Severity.FAULT if worst >= MUCH_LOSS_SHARE else Severity.WARNING,
         Whose.WIRE,
         f"packets are lost: {_loss_text(found)}; {between}",
-        ("requests that a newer one overtook count as lost: the controller takes the newest only",),
+        (f"{found.up} that came too late, or that a newer one overtook, count as lost: the controller drops them",),
         tuple(remedies),
     )
 
@@ -129,10 +129,10 @@ def _reads_late(found: LinkFigures) -> Iterator[Finding]:
         "receive-late",
         Severity.FAULT if waited_ns > found.period_ns else Severity.WARNING,
         Whose.HOST,
-        f"this host reads late: states waited p99 {_ms(waited_ns)} in its kernel for the program (median "
+        f"this host reads late: {found.down} waited p99 {_ms(waited_ns)} in its kernel for the program (median "
         f"{_ms(found.waited_here.quantile(0.5))}, max {_ms(found.waited_here.maximum)}), and they come every "
         f"{found.period_ns / 1e6:g} ms; that is not in the figures of the network",
-        (f"its timer woke it p99 {_ms(found.send_late.quantile(0.99))} late",),
+        (f"its timer woke it p99 {_ms(found.send_late.quantile(0.99))} late",) if found.send_late.count else (),
         ("see what holds this host up: hil doctor host",),
     )
 
@@ -161,9 +161,8 @@ def _jitter(found: LinkFigures, same_machine: bool) -> Iterator[Finding]:
     down, up = down_ns > found.period_ns, up_ns > found.period_ns
     if not down and not up:
         return
-    figures = (
-        f"p99 {_ms(down_ns)} to this host, {_ms(up_ns)} to the controller, in a period of {found.period_ns / 1e6:g} ms"
-    )
+    there = f", {_ms(up_ns)} to the controller" if found.jitter_up.count else ""
+    figures = f"p99 {_ms(down_ns)} to this host{there}, in a period of {found.period_ns / 1e6:g} ms"
     if up:
         whose, side = Whose.WIRE, "the network, both ways" if down else "the network, towards the controller"
         why = "what arrives there is stamped by its kernel, so its own timing is not in it"
@@ -172,7 +171,8 @@ def _jitter(found: LinkFigures, same_machine: bool) -> Iterator[Finding]:
         why = "nothing is between but what was put there (hil impair, tc netem)"
     else:
         whose, side = Whose.PEER_OR_WIRE, "the controller, or the network towards this host"
-        why = "what is sent to it arrives evenly; a capture on its machine tells the two apart (hil doctor capture)"
+        evenly = "what is sent to it arrives evenly; " if found.jitter_up.count else ""
+        why = f"{evenly}a capture on its machine tells the two apart (hil doctor capture)"
     if whose is Whose.WIRE and same_machine:
         why += "; both ends are on this machine, so something was put between them (hil impair, tc netem)"
     yield Finding(
@@ -191,6 +191,18 @@ def _jitter(found: LinkFigures, same_machine: bool) -> Iterator[Finding]:
     )
 
 
+def _quality(found: LinkFigures) -> Finding:
+    return Finding(
+        "quality",
+        Severity.WARNING,
+        Whose.PEER_OR_WIRE,
+        f"the controller says {found.robot}, and needs GOOD to be commanded: too many answers come late or not at all, "
+        "or the session is younger than a second",
+        (),
+        ("see what else is found here; measure longer: --seconds",),
+    )
+
+
 def _drift(found: LinkFigures, ppm: float) -> Finding:
     return Finding(
         "clock-drift",
@@ -203,14 +215,23 @@ def _drift(found: LinkFigures, ppm: float) -> Finding:
     )
 
 
+def _round_trip_text(found: LinkFigures) -> str:
+    if not found.network.count:
+        return f"answers are confirmed after {_ms(found.round_trip.quantile(0.5))}, the wait for a message included"
+    return (
+        f"round trip {_ms(found.network.quantile(0.5))} (p99 {_ms(found.network.quantile(0.99))}) beside the wait for "
+        f"the controller's cycle of {found.cycle_ns / 1e6:g} ms"
+    )
+
+
 def _loss_text(found: LinkFigures) -> str:
     lost = max(0, found.states_lost - found.dropped_here)
     if not lost and not found.requests_lost:
-        return f"none of {found.states_sent} states and {found.requests_sent} requests was lost"
+        return f"none of {found.states_sent} {found.down} and {found.requests_sent} {found.up} was lost"
     return (
         f"{_percent(found.down_lost_share)} of what the controller sent was lost ({lost} of {found.states_sent} "
-        f"states), {_percent(found.up_lost_share)} of what this host sent ({found.requests_lost} of "
-        f"{found.requests_sent} requests)"
+        f"{found.down}), {_percent(found.up_lost_share)} of what this host sent ({found.requests_lost} of "
+        f"{found.requests_sent} {found.up})"
     )
 
 
@@ -221,8 +242,12 @@ def _context(found: LinkFigures) -> tuple[str, ...]:
             f"{found.cycle_late.count} of {found.answered} answers show their cycle late, by at most "
             f"{_ms(found.cycle_late.maximum)}"
         )
+    if found.overtaken:
+        lines.append(
+            f"{found.overtaken} {found.up} were not confirmed, the next of the {found.down} came right after them"
+        )
     if found.states_duplicate or found.states_reordered:
-        lines.append(f"{found.states_duplicate} states came twice, {found.states_reordered} out of order")
+        lines.append(f"{found.states_duplicate} {found.down} came twice, {found.states_reordered} out of order")
     if found.drift_ppm is not None:
         resolution = f"{found.drift_resolution_ppm:.1f} ppm"
         if abs(found.drift_ppm) <= found.drift_resolution_ppm:
@@ -243,16 +268,18 @@ def _times_table(found: LinkFigures) -> EvidenceTable:
         ("round trip", found.round_trip),
         ("- of it, at the controller: its cycle, and answers lost", found.cycle_wait),
         ("- the rest: both ways, and the controller's lateness", found.network),
-        ("jitter of states, controller to this host", found.jitter_down),
-        ("jitter of requests, this host to controller", found.jitter_up),
+        (f"jitter of {found.down}, controller to this host", found.jitter_down),
+        (f"jitter of {found.up}, this host to controller", found.jitter_up),
         ("this host: from the kernel to the program", found.waited_here),
         ("this host: timer woke it late", found.send_late),
     )
-    title = f"{found.seconds:.1f} s with {found.software}, {found.robot}: states every {found.period_ns / 1e6:g} ms"
+    title = (
+        f"{found.seconds:.1f} s with {found.software}, {found.robot}: {found.down} every {found.period_ns / 1e6:g} ms"
+    )
     return EvidenceTable(
         title,
         ("ms", "p50", "p99", "p99.9", "max"),
-        tuple((name, *_numbers(times)) for name, times in rows),
+        tuple((name, *_numbers(times)) for name, times in rows if times.count),
     )
 
 
@@ -262,18 +289,16 @@ def _packets_table(found: LinkFigures) -> EvidenceTable:
         ("way", "sent", "lost", "of them dropped by this host", "twice", "out of order"),
         (
             (
-                "states, controller to this host",
+                f"{found.down}, controller to this host",
                 *map(str, (found.states_sent, found.states_lost, found.dropped_here)),
                 *map(str, (found.states_duplicate, found.states_reordered)),
             ),
-            ("requests, this host to controller", str(found.requests_sent), str(found.requests_lost), "-", "-", "-"),
+            (f"{found.up}, this host to controller", str(found.requests_sent), str(found.requests_lost), "-", "-", "-"),
         ),
     )
 
 
 def _numbers(times: Histogram) -> tuple[str, ...]:
-    if not times.count:
-        return ("-",) * 4
     return tuple(f"{(times.quantile(share) or 0) / 1e6:.3f}" for share in (0.5, 0.99, 0.999, 1.0))
 
 
