@@ -10,18 +10,21 @@ import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from hil.cli.doctor.host import host
+from hil.cli.doctor.udp import udp
 from hil.clock import MonotonicClock
-from hil.values.errors import EndpointError
+from hil.values.errors import EndpointError, HilError
 from hil.values.finding import Whose
 from hil.values.fri import Release
 from hil.values.link import Address
 from hil.values.servo import PROTOCOL_VERSION, Goodbye
 from tests.network.test_impair import impairment
 from tests.support.cli import cli
-from tests.support.processes import finish, hil, own_host, wait_for_line
+from tests.support.processes import own_host
 from tests.support.servo_process import ServoController, servo_controller
 from tests.support.servo_served import served
 from tools.doctor.host import diagnose_host
@@ -35,9 +38,15 @@ KEY = bytes(range(32))
 
 
 @pytest.fixture(scope="module")
-def controller() -> Iterator[ServoController]:
-    """One controller for all."""
-    with servo_controller() as running:
+def fri_client() -> Address:
+    """Where the controller expects its FRI client."""
+    return Address(own_host(), 30200)
+
+
+@pytest.fixture(scope="module")
+def controller(fri_client: Address) -> Iterator[ServoController]:
+    """One controller for all, with both links."""
+    with servo_controller("--fri-client", fri_client, "--fri-version", "2.5", "--send-period", 20) as running:
         yield running
 
 
@@ -62,8 +71,8 @@ def test_a_healthy_link(controller: ServoController, tmp_path: Path) -> None:
 def test_a_bad_network_is_named_with_its_figures(controller: ServoController, tmp_path: Path) -> None:
     faults = ("--fault", "loss=20%:to-peer", "--fault", "loss=10%:to-controller", "--fault", "delay=5ms")
     with impairment(tmp_path, "--link", "servo", *faults, "--seed", 3, to=controller.address) as running:
-        host, port = running.address
-        ended = cli("doctor", "udp", f"{host}:{port}", "--seconds", 0.8, "--period-ms", 10, "--json", "-")
+        where, port = running.address
+        ended = cli("doctor", "udp", f"{where}:{port}", "--seconds", 0.8, "--period-ms", 10, "--json", "-")
     assert ended.code == 1, ended.err
     verdict = json.loads(ended.out)["findings"][0]
     assert (verdict["kind"], verdict["whose"]) == ("link-loss", "wire")
@@ -117,26 +126,32 @@ def test_another_version_is_told_in_the_controllers_words(
         ("127.0.0.1:0", "a controller has a port of its own, 1..65535"),
         ("127.0.0.1:x", "the port 'x' is no number"),
         ("::1", "the links run over IPv4"),
-        (f"{own_host()}:9", "its machine answers that the port is closed; start the controller there"),
     ],
 )
 def test_an_address_nobody_can_be_at(address: str, sentence: str) -> None:
-    ended = cli("doctor", "udp", address)
+    with pytest.raises(HilError, match=re.escape(sentence)):
+        udp(address)
+
+
+def test_nobody_there_ends_in_one_sentence_and_exit_code_2() -> None:
+    ended = cli("doctor", "udp", f"{own_host()}:9")
     assert (ended.code, ended.out) == (2, "")
-    assert sentence in ended.err
+    assert re.fullmatch(
+        r"hil: nothing listens at UDP [\d.]+:9: its machine answers that the port is closed; .*\n", ended.err
+    )
 
 
 def test_silence_and_a_key_that_does_not_fit() -> None:
     def refused(address: Address, codec: ServoCodec, *, has_key: bool) -> str:
         with pytest.raises(EndpointError) as raised:
-            diagnose_udp(address, codec, seconds=1, has_key=has_key, answer_within_s=0.2)
+            diagnose_udp(address, codec, seconds=1, has_key=has_key, answer_within_s=0.1)
         return str(raised.value)
 
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as silent:
         silent.bind((own_host(), 0))
         address = Address(*silent.getsockname())
         assert refused(address, ServoCodec(), has_key=False) == (
-            f"no answer from UDP {address} within 0.2 s: something on the way drops the packets (firewall, wrong "
+            f"no answer from UDP {address} within 0.1 s: something on the way drops the packets (firewall, wrong "
             "address), or a controller is there and is silent to us: it has a key (then give it: --servo-key FILE)"
         )
         assert refused(address, ServoCodec(KEY), has_key=True).endswith(
@@ -146,7 +161,7 @@ def test_silence_and_a_key_that_does_not_fit() -> None:
         address = parse_address(keyed.address, default_port=1)
         assert "it has a key (then give it" in refused(address, ServoCodec(), has_key=False)
         assert "another key than the one given" in refused(address, ServoCodec(KEY[::-1]), has_key=True)
-        diagnosis = diagnose_udp(address, ServoCodec(KEY), seconds=0.3, has_key=True)
+        diagnosis = diagnose_udp(address, ServoCodec(KEY), seconds=0.2, has_key=True)
         assert diagnosis.verdict.figures["requests_lost"] == 0
 
 
@@ -182,33 +197,15 @@ def test_a_controller_that_falls_silent_ends_the_measurement(monkeypatch: pytest
     assert "nothing came any more for 0.2 s" in diagnosis.verdict.sentence
 
 
-@pytest.fixture(scope="module")
-def fri_client() -> Iterator[Address]:
-    """Where a controller expects its FRI client, every 20 ms."""
-    host = own_host()
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
-        taken.bind((host, 0))
-        client = Address(*taken.getsockname())
-    process = hil(
-        "run", "--fri-client", client, "--fri-version", "2.5", "--backend", "ideal", "--send-period", 20,
-        "--progress", 0,
-    )  # fmt: skip
-    try:
-        wait_for_line(process, "FRI 2.5 from ")
-        yield client
-    finally:
-        finish(process, interrupt=True)
-
-
-def test_the_fri_link_from_where_its_client_will_stand(fri_client: Address) -> None:
+def test_the_fri_link_from_where_its_client_will_stand(controller: ServoController, fri_client: Address) -> None:
     ended = cli(
-        "doctor", "udp", fri_client.host, "--fri", fri_client, "--fri-version", "2.5", "--seconds", 0.8, "--json", "-"
+        "doctor", "udp", fri_client.host, "--fri", fri_client, "--fri-version", "2.5", "--seconds", 0.6, "--json", "-"
     )
     assert ended.code in {0, 1}, ended.err
     found = json.loads(ended.out)
     figures = found["findings"][0]["figures"]
     assert (figures["states_lost"], figures["period_ms"]) == (0, 20)
-    assert figures["states_sent"] >= 30
+    assert figures["states_sent"] >= 20
     # A new session is POOR, and rises after half a second: it says so while it is.
     told = " ".join(one["sentence"] for one in found["findings"])
     assert re.search(r"answers are confirmed after \d+\.\d\d ms|quality (POOR|FAIR)|late|jitter", told), told
@@ -216,7 +213,9 @@ def test_the_fri_link_from_where_its_client_will_stand(fri_client: Address) -> N
     assert re.search(r"s with FRI 2\.5, (MONITORING|COMMANDING)_\w+, quality \w+: messages every 20 ms", title)
 
 
-def test_another_release_and_a_silent_controller_are_told_apart(fri_client: Address) -> None:
+def test_another_release_and_a_silent_controller_are_told_apart(
+    controller: ServoController, fri_client: Address
+) -> None:
     def refused(bind: Address) -> str:
         with pytest.raises(EndpointError) as raised:
             diagnose_fri(Address(fri_client.host, 0), bind=bind, release=Release.V1_15, seconds=1, answer_within_s=0.15)
@@ -233,15 +232,14 @@ def test_another_release_and_a_silent_controller_are_told_apart(fri_client: Addr
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        (("--fri-version", "2.7"), "--fri-version is of the FRI link: give --fri PORT too"),
-        (("--fri", 30200, "--period-ms", 5), "--servo-key and --period-ms are of the servo link"),
-        (("--fri", "192.0.2.1:30200"), "cannot bind UDP 192.0.2.1:30200"),
+        ({"fri_version": Release.V2_7}, "--fri-version is of the FRI link: give --fri PORT too"),
+        ({"fri": "30200", "period_ms": 5}, "--servo-key and --period-ms are of the servo link"),
+        ({"fri": "192.0.2.1:30200"}, "cannot bind UDP 192.0.2.1:30200"),
     ],
 )
-def test_options_that_do_not_fit(options: tuple[object, ...], sentence: str) -> None:
-    ended = cli("doctor", "udp", "127.0.0.1", *options)
-    assert ended.code == 2
-    assert sentence in ended.err
+def test_options_that_do_not_fit(options: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(HilError, match=re.escape(sentence)):
+        udp("127.0.0.1", **options)
 
 
 def test_our_own_socket_s_losses_are_ours() -> None:
@@ -288,7 +286,7 @@ def starved(others: int) -> Iterator[None]:
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system does not keep a process on a CPU")
 def test_a_starved_host_names_what_starves_it() -> None:
     with starved(4):
-        diagnosis = diagnose_host(seconds=1.0, cycle_ms=1)
+        diagnosis = diagnose_host(seconds=0.7, cycle_ms=1)
     verdict = diagnosis.verdict
     assert verdict.whose is Whose.HOST
     assert re.match(
@@ -315,7 +313,7 @@ def test_the_command_tells_verdict_and_readings() -> None:
 
 
 def test_a_result_that_cannot_be_written_is_told_before_it_begins(tmp_path: Path) -> None:
-    for what in (("host",), ("udp", "127.0.0.1:9")):
-        ended = cli("doctor", *what, "--json", tmp_path)
-        assert ended.code == 2
-        assert "that is a folder" in ended.err
+    with pytest.raises(HilError, match="that is a folder"):
+        host(json_file=str(tmp_path))
+    with pytest.raises(HilError, match="that is a folder"):
+        udp("127.0.0.1:9", json_file=str(tmp_path))
