@@ -35,7 +35,9 @@ def watch(
         one.run(round(seconds * 1e9), progress)
     except Gone as gone:
         one.tally.ended_because = str(gone)
-    one.leave()
+    finally:
+        # After Ctrl-C too: the seat would be taken until the watchdog frees it.
+        one.leave()
     return one.tally
 
 

@@ -16,6 +16,9 @@ LEAST_ANSWERS: Final = 5
 _CLOCK_PPM: Final = 100.0
 """A quartz is within this; more is a clock that is being set, or a bad virtual one."""
 
+_HELPS_CONTROLLER: Final = ("on the controller's machine: hil doctor host", "hil run --realtime there")
+_SHARED: Final = "both ends are on this machine, and this program takes CPU time from the controller too"
+
 
 def judge(found: LinkFigures, *, controller: Address, same_machine: bool) -> Diagnosis:
     """Return the verdict on a measurement against ``controller``, the worst finding first."""
@@ -38,7 +41,7 @@ def _findings(found: LinkFigures, same_machine: bool) -> Iterator[Finding]:
         yield _loss(found, same_machine)
     if found.quality:
         yield _quality(found)
-    delayed = [*_late_cycles(found)]
+    delayed = [*_late_cycles(found, same_machine)]
     if not delayed or (found.jitter_up.quantile(0.99) or 0) > found.period_ns:
         delayed += _jitter(found, same_machine)
     reading = [*_reads_late(found)]
@@ -137,7 +140,7 @@ def _reads_late(found: LinkFigures) -> Iterator[Finding]:
     )
 
 
-def _late_cycles(found: LinkFigures) -> Iterator[Finding]:
+def _late_cycles(found: LinkFigures, same_machine: bool) -> Iterator[Finding]:
     """Return what the controller's own clock and kernel say of its lateness."""
     if not found.behind or found.behind < LATE_SHARE * found.answered:
         return
@@ -151,8 +154,9 @@ def _late_cycles(found: LinkFigures) -> Iterator[Finding]:
         (
             "told by answers to requests that reached its machine after the cycle was due that answers them",
             f"jitter p99 {_ms(found.jitter_down.quantile(0.99))} from it, {_ms(found.jitter_up.quantile(0.99))} to it",
+            *((_SHARED,) if same_machine else ()),
         ),
-        ("on the controller's machine: hil doctor host", "hil run --realtime there"),
+        _HELPS_CONTROLLER,
     )
 
 
@@ -187,7 +191,7 @@ def _jitter(found: LinkFigures, same_machine: bool) -> Iterator[Finding]:
             "on the controller's machine: hil doctor host",
         )
         if whose is not Whose.CONTROLLER
-        else ("on the controller's machine: hil doctor host", "hil run --realtime there"),
+        else _HELPS_CONTROLLER,
     )
 
 
