@@ -103,9 +103,9 @@ def figures(tally: Tally, welcome: Welcome, *, period_ms: int, unix_minus_clock_
     if delays_down:
         span_ns = max(tally.due_ns) - min(tally.due_ns)
         found.seconds = span_ns * 1e-9
-        if len(delays_down) >= LEAST_STATES and span_ns > 0:
+        if len(delays_down) >= LEAST_STATES and floor.over_ns > 0:
             found.drift_ppm = floor.slope * 1e6
-            found.drift_resolution_ppm = (found.jitter_down.quantile(0.5) or 0) / span_ns * 1e6
+            found.drift_resolution_ppm = (found.jitter_down.quantile(0.5) or 0) / floor.over_ns * 1e6
     answers = tally.answers()
     up_floor = _requests(found, answers)
     if answers:

@@ -11,6 +11,8 @@ class Floor(NamedTuple):
     from_ns: int
     base_ns: int
     slope: float
+    over_ns: int = 0
+    """Between the two delays that the line touches."""
 
     def delay_ns(self, at_ns: int) -> int:
         """Return the line's delay at a time."""
@@ -41,7 +43,8 @@ def floor_under(at_ns: Sequence[int], delays_ns: Sequence[int]) -> Floor:
     mean_ns = sum(point[0] for point in points) / len(points)
     for first, second in pairwise(hull):
         if second[0] >= mean_ns:
-            return Floor(first[0], first[1], (second[1] - first[1]) / (second[0] - first[0]))
+            over_ns = second[0] - first[0]
+            return Floor(first[0], first[1], (second[1] - first[1]) / over_ns, over_ns)
     return Floor(hull[0][0], hull[0][1], 0.0)
 
 

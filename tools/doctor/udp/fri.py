@@ -159,9 +159,9 @@ def fri_figures(tally: FriTally, state: FriState | None, release: Release) -> Li
     if due_ns:
         span_ns = max(due_ns) - min(due_ns)
         found.seconds = span_ns * 1e-9
-        if len(due_ns) >= LEAST_STATES and span_ns > 0:
+        if len(due_ns) >= LEAST_STATES and floor.over_ns > 0:
             found.drift_ppm = floor.slope * 1e6
-            found.drift_resolution_ppm = (jitter.quantile(0.5) or 0) / span_ns * 1e6
+            found.drift_resolution_ppm = (jitter.quantile(0.5) or 0) / floor.over_ns * 1e6
     found.quality = "" if state is None or state.quality >= Quality.GOOD else state.quality.name
     return found
 
