@@ -11,6 +11,8 @@ from tools.doctor.udp.tally import Answered, Tally
 
 LEAST_STATES: Final = 20
 """Fewer show no drift."""
+DRIFT_DOUBT: Final = 3.0
+"""Median jitters that either end of the line may be off by; with one, a machine drifted against itself (measured)."""
 
 
 @dataclass(slots=True)
@@ -105,7 +107,7 @@ def figures(tally: Tally, welcome: Welcome, *, period_ms: int, unix_minus_clock_
         found.seconds = span_ns * 1e-9
         if len(delays_down) >= LEAST_STATES and floor.over_ns > 0:
             found.drift_ppm = floor.slope * 1e6
-            found.drift_resolution_ppm = (found.jitter_down.quantile(0.5) or 0) / floor.over_ns * 1e6
+            found.drift_resolution_ppm = DRIFT_DOUBT * (found.jitter_down.quantile(0.5) or 0) / floor.over_ns * 1e6
     answers = tally.answers()
     up_floor = _requests(found, answers)
     if answers:

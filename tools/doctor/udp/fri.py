@@ -18,7 +18,7 @@ from hil.values.errors import EndpointError
 from hil.values.finding import Diagnosis
 from hil.values.fri import SEQUENCE_MODULUS, Quality, Release
 from hil.values.link import Address
-from tools.doctor.udp.figures import LEAST_STATES, LinkFigures
+from tools.doctor.udp.figures import DRIFT_DOUBT, LEAST_STATES, LinkFigures
 from tools.doctor.udp.floor import floor_under
 from tools.doctor.udp.opening import ANSWER_WITHIN_S
 from tools.doctor.udp.stamped import Gone, Heard, StampedSocket, TimedSocket
@@ -161,7 +161,7 @@ def fri_figures(tally: FriTally, state: FriState | None, release: Release) -> Li
         found.seconds = span_ns * 1e-9
         if len(due_ns) >= LEAST_STATES and floor.over_ns > 0:
             found.drift_ppm = floor.slope * 1e6
-            found.drift_resolution_ppm = (jitter.quantile(0.5) or 0) / floor.over_ns * 1e6
+            found.drift_resolution_ppm = DRIFT_DOUBT * (jitter.quantile(0.5) or 0) / floor.over_ns * 1e6
     found.quality = "" if state is None or state.quality >= Quality.GOOD else state.quality.name
     return found
 

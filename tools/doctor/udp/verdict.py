@@ -48,7 +48,7 @@ def _findings(found: LinkFigures, same_machine: bool) -> Iterator[Finding]:
     if (found.waited_here.quantile(0.99) or 0) > (found.jitter_down.quantile(0.99) or 0):
         delayed, reading = reading, delayed
     yield from (*delayed, *reading)
-    if found.drift_ppm is not None and abs(found.drift_ppm) > max(_CLOCK_PPM, 3 * found.drift_resolution_ppm):
+    if found.drift_ppm is not None and abs(found.drift_ppm) > max(_CLOCK_PPM, found.drift_resolution_ppm):
         yield _drift(found, found.drift_ppm)
 
 
