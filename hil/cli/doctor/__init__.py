@@ -2,7 +2,7 @@
 
 import typer
 
-from hil.cli.doctor import host, udp
+from hil.cli.doctor import host, tcp, udp
 
 app = typer.Typer(
     help="Whose fault was it: one sentence, and the evidence below it. Exit code 0: nothing found, 1: something is "
@@ -17,4 +17,5 @@ def doctor() -> None:
 
 
 app.command("host")(host.host)
+app.command("tcp")(tcp.tcp)
 app.command("udp")(udp.udp)
