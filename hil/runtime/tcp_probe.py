@@ -32,7 +32,7 @@ class TcpProbe:
     """Opens in ``open``, serves by itself until ``close``; ``close`` is idempotent."""
 
     def __init__(self, bind: Address, behaviour: Behaviour, *, clock: Clock, say: Callable[[str], None]) -> None:
-        self._behaviour = behaviour
+        self.behaviour = behaviour
         self._clock = clock
         self._say = say
         self._listener = listen(bind, backlog=CONNECTIONS_MOST)
@@ -67,7 +67,7 @@ class TcpProbe:
         """Return what it did, for JSON."""
         return {
             "address": str(self.local),
-            "behaviour": self._behaviour.value,
+            "behaviour": self.behaviour.value,
             "fault": self._fault,
             "accepted": self._accepted,
             "turned_away": self._turned_away,
@@ -130,7 +130,7 @@ class TcpProbe:
             _close(sock)
             return
         self._accepted += 1
-        responder = Responder(self._behaviour, now_ns=now_ns, can_quick_ack=CAN_QUICK_ACK)
+        responder = Responder(self.behaviour, now_ns=now_ns, can_quick_ack=CAN_QUICK_ACK)
         if not _write(sock, responder.opening(system=platform.system(), software=SOFTWARE)):
             self._ended[Ending.CLOSED] += 1
             _close(sock)
