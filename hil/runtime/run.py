@@ -82,7 +82,7 @@ class _Run:
             for robot in self._robots:
                 await robot.open()
             self._pad = self._open_pad()
-            # Before the process asks for real time: a thread inherits that, and this one must not have it.
+            # Before the process asks for real time: a child inherits that, and this one must not have it.
             self._probe = self._open_probe()
             self._wishes = ask_for_realtime() if self._station.realtime else []
             self._start()
@@ -139,9 +139,7 @@ class _Run:
         from transport.tcp.sockets import parse_tcp_address
 
         bind = parse_tcp_address(config.bind, port_0=True)
-        probe = TcpProbe(bind, config.behaviour, clock=self._clock, say=self._console.say)
-        probe.open()
-        return probe
+        return TcpProbe(bind, config.behaviour, say=self._console.say)
 
     def _start(self) -> None:
         """Give all robots their time axes, spread over one millisecond so that their cycles do not collide."""

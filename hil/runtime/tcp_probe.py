@@ -1,206 +1,87 @@
-"""The TCP responder that ``hil doctor tcp`` measures against: a thread of its own beside the control loop.
+"""The TCP responder beside a controller: a process of its own, because it may not cost a control cycle.
 
-It may not cost a control cycle. A thread of Python shares one interpreter with the loop, so what it does in one go is
-short (one message between two system calls), and how often is bounded for all peers together.
+A thread would not do: it shares the interpreter's lock with the control loop, and whoever holds that may be put aside
+by any program of the machine. Measured so with a flood of messages: cycles were missed, also under SCHED_FIFO.
 """
 
-import contextlib
-import platform
-import selectors
-import socket
-import threading
-from collections import Counter
+import asyncio
+import json
+import subprocess
 from collections.abc import Callable
+from contextlib import suppress
 
-from hil.clock import Clock
+from hil.values.errors import EndpointError
 from hil.values.link import Address
 from hil.values.tcp_probe import Behaviour
-from hil.version import SOFTWARE
-from transport.tcp import READ_MOST_BYTES, Allowance, Ending, Responder, Step, pack_refusal
-from transport.tcp.sockets import CAN_QUICK_ACK, kernel_facts, listen, set_no_delay, set_quick_ack
+from transport.child import module_command, module_environment, terminal_signals_blocked
+from transport.tcp.sockets import listen
 
-CONNECTIONS_MOST = 8
-TURNS_PER_S = 1000
-TURNS_AT_ONCE = 3000
-"""Reads and connections of all peers together: enough for a doctor that measures 200 round trips of each kind."""
-_PAUSE_NS = 50_000_000
-"""How long nobody is let in after too many came."""
+_SERVER = "hil.runtime.tcp_probe_main"
+_BACKLOG = 8
 _CLOSING_S = 2.0
 
 
 class TcpProbe:
-    """Opens in ``open``, serves by itself until ``close``; ``close`` is idempotent."""
+    """Serves from its making until ``close``, which is idempotent. ``say`` is told if it ends before.
 
-    def __init__(self, bind: Address, behaviour: Behaviour, *, clock: Clock, say: Callable[[str], None]) -> None:
+    Raises :class:`EndpointError` where it cannot listen. For use in an event loop.
+    """
+
+    def __init__(self, bind: Address, behaviour: Behaviour, *, say: Callable[[str], None]) -> None:
         self.behaviour = behaviour
-        self._clock = clock
+        self.fault: str | None = None
         self._say = say
-        self._listener = listen(bind, backlog=CONNECTIONS_MOST)
-        self.local = Address(*self._listener.getsockname())
-        self._selector = selectors.DefaultSelector()
-        self._waker, self._wakes = socket.socketpair()
-        self._allowance = Allowance(per_second=TURNS_PER_S, most=TURNS_AT_ONCE)
-        self._served: dict[socket.socket, Responder] = {}
-        self._let_in_ns: int | None = None
-        """When the listener is looked at again; None: it is."""
-        self._ended: Counter[Ending] = Counter()
-        self._accepted = self._turned_away = self._answered = 0
-        self._fault: str | None = None
-        self._thread = threading.Thread(target=self._supervised, name="hil tcp probe", daemon=True)
-
-    def open(self) -> None:
-        """Begin to serve."""
-        self._selector.register(self._listener, selectors.EVENT_READ)
-        self._selector.register(self._wakes, selectors.EVENT_READ)
-        self._thread.start()
+        self._figures: dict[str, object] = {}
+        self._loop = asyncio.get_running_loop()
+        listener = listen(bind, backlog=_BACKLOG)
+        self.local = Address(*listener.getsockname())
+        try:
+            with terminal_signals_blocked():
+                self._process = subprocess.Popen(
+                    module_command(_SERVER, str(listener.fileno()), behaviour.value),
+                    pass_fds=(listener.fileno(),),
+                    env=module_environment(),
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.PIPE,
+                )
+        except OSError as error:
+            raise EndpointError(f"the responder's process cannot be started: {error.strerror or error}") from error
+        finally:
+            listener.close()
+        self._open = True
+        if self._process.stdout is not None:
+            self._loop.add_reader(self._process.stdout.fileno(), self._ended_early)
 
     def close(self) -> None:
-        """End every connection and the thread."""
-        with contextlib.suppress(OSError):
-            self._waker.send(b"\0")
-        if self._thread.is_alive():
-            self._thread.join(_CLOSING_S)
-        if not self._thread.is_alive():
-            self._release()
+        """End it, and take what it reports."""
+        if not self._open:
+            return
+        self._open = False
+        if self._process.stdout is not None:
+            self._loop.remove_reader(self._process.stdout.fileno())
+        try:
+            out, complaint = self._process.communicate(timeout=_CLOSING_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            out, complaint = self._process.communicate()
+        with suppress(ValueError):
+            self._figures = json.loads(out)
+        if not self._figures:
+            last_line = complaint.decode(errors="replace").strip().rpartition("\n")[2]
+            self.fault = f"its process ended with code {self._process.returncode} before its report" + (
+                f" ({last_line})" if last_line else ""
+            )
 
     def report(self) -> dict[str, object]:
-        """Return what it did, for JSON."""
+        """Return what it did, for JSON; complete once it is closed."""
         return {
             "address": str(self.local),
             "behaviour": self.behaviour.value,
-            "fault": self._fault,
-            "accepted": self._accepted,
-            "turned_away": self._turned_away,
-            "answered": self._answered,
-            "ended": {ending.value: self._ended[ending] for ending in Ending},
+            "fault": self.fault,
+            **self._figures,
         }
 
-    def _supervised(self) -> None:
-        try:
-            self._serve()
-        except Exception as error:  # noqa: BLE001  # told and reported; the arm goes on without it
-            self._fault = f"{type(error).__name__}: {error}"
-            self._say(f"tcp probe: ended by an error of its own: {self._fault}")
-        finally:
-            for sock, responder in list(self._served.items()):
-                responder.refuse(Ending.STOPPED, "the controller ends")
-                self._go_on(sock, responder)
-            self._listener.close()
-
-    def _serve(self) -> None:
-        while True:
-            for key, _ in self._selector.select(self._wait_s()):
-                if key.fileobj is self._wakes:
-                    return
-                if key.fileobj is self._listener:
-                    self._accept()
-                elif isinstance(key.fileobj, socket.socket):
-                    self._read(key.fileobj)
-            now_ns = self._clock.now_ns()
-            for sock, responder in list(self._served.items()):
-                if now_ns >= responder.due_ns:
-                    self._go_on(sock, responder)
-            if self._let_in_ns is not None and now_ns >= self._let_in_ns:
-                self._let_in_ns = None
-                self._selector.register(self._listener, selectors.EVENT_READ)
-
-    def _wait_s(self) -> float | None:
-        dues_ns = [responder.due_ns for responder in self._served.values()]
-        if self._let_in_ns is not None:
-            dues_ns.append(self._let_in_ns)
-        return max(0.0, (min(dues_ns) - self._clock.now_ns()) * 1e-9) if dues_ns else None
-
-    def _accept(self) -> None:
-        now_ns = self._clock.now_ns()
-        if not self._allowance.take(now_ns):
-            self._selector.unregister(self._listener)
-            self._let_in_ns = now_ns + _PAUSE_NS
-            return
-        try:
-            sock, _ = self._listener.accept()
-        except OSError:
-            # Gone again before it was let in, or no descriptor is left: nothing the others should suffer from.
-            self._selector.unregister(self._listener)
-            self._let_in_ns = now_ns + _PAUSE_NS
-            return
-        sock.setblocking(False)
-        if len(self._served) >= CONNECTIONS_MOST:
-            self._turned_away += 1
-            _write(sock, Step(pack_refusal(f"{CONNECTIONS_MOST} connections are served already; come back later")))
-            _close(sock)
-            return
-        self._accepted += 1
-        responder = Responder(self.behaviour, now_ns=now_ns, can_quick_ack=CAN_QUICK_ACK)
-        if not _write(sock, responder.opening(system=platform.system(), software=SOFTWARE)):
-            self._ended[Ending.CLOSED] += 1
-            _close(sock)
-            return
-        self._served[sock] = responder
-        self._selector.register(sock, selectors.EVENT_READ)
-
-    def _read(self, sock: socket.socket) -> None:
-        responder = self._served[sock]
-        if not responder.reads:
-            return
-        try:
-            data = sock.recv(READ_MOST_BYTES)
-            now_ns = self._clock.now_ns()
-            if data:
-                set_quick_ack(sock, responder.quick_ack)
-        except BlockingIOError:
-            return
-        except OSError:
-            data, now_ns = b"", self._clock.now_ns()
-        if data and not self._allowance.take(now_ns):
-            responder.refuse(Ending.FAST, f"more than {TURNS_PER_S} messages a second, {TURNS_AT_ONCE} at once, came")
-        else:
-            responder.receive(data, now_ns=now_ns)
-        self._go_on(sock, responder)
-
-    def _go_on(self, sock: socket.socket, responder: Responder) -> None:
-        """Do what there is to be done now, and close what has ended."""
-        before = responder.answered
-        facts = kernel_facts(sock) if not responder.reads else None
-        retransmissions = 0 if facts is None else facts.retransmissions
-        for step in responder.steps(now_ns=self._clock.now_ns(), retransmissions=retransmissions):
-            if not _write(sock, step) and responder.ending is None:
-                responder.ending = Ending.NOT_READ
-        self._answered += responder.answered - before
-        if responder.ending is not None:
-            self._ended[responder.ending] += 1
-            del self._served[sock]
-            with contextlib.suppress(KeyError, ValueError):
-                self._selector.unregister(sock)
-            _close(sock)
-        else:
-            # While a reply is held, what came meanwhile must not wake the thread again and again.
-            wanted = responder.reads
-            watched = sock in self._selector.get_map()
-            if wanted and not watched:
-                self._selector.register(sock, selectors.EVENT_READ)
-            elif watched and not wanted:
-                self._selector.unregister(sock)
-
-    def _release(self) -> None:
-        self._listener.close()
-        self._selector.close()
-        self._waker.close()
-        self._wakes.close()
-
-
-def _write(sock: socket.socket, step: Step) -> bool:
-    """Do one step; return whether all of it went out. A peer that does not read is not waited for."""
-    try:
-        if step.no_delay is not None:
-            set_no_delay(sock, step.no_delay)
-        return sock.send(step.write) == len(step.write)
-    except OSError:
-        return False
-
-
-def _close(sock: socket.socket) -> None:
-    with contextlib.suppress(OSError):
-        sock.shutdown(socket.SHUT_WR)
-        # What is not read at the close would make the kernel send a reset, which overtakes the last sentence.
-        sock.recv(1 << 16)
-    sock.close()
+    def _ended_early(self) -> None:
+        self.close()
+        self._say(f"tcp probe: nobody answers at {self.local} any more: {self.fault or 'it ended by itself'}")
