@@ -77,13 +77,13 @@ class _Run:
         fault: str | None = None
         capture: dict[str, object] | None = None
         try:
+            # Before the process asks for real time: a child inherits that, and this one must not have it.
+            self._probe = self._open_probe()
             self._robots = [self._robot(number, config) for number, config in enumerate(self._station.robot)]
             self._captures = self._open_captures()
             for robot in self._robots:
                 await robot.open()
             self._pad = self._open_pad()
-            # Before the process asks for real time: a child inherits that, and this one must not have it.
-            self._probe = self._open_probe()
             self._wishes = ask_for_realtime() if self._station.realtime else []
             self._start()
             if self._captures is not None:

@@ -15,7 +15,7 @@ TOTAL_S = 5.5
 """What all cases together may take, the last round trip of each apart."""
 _LEAST = 3
 _WARM_UP = 4
-_WARM_UP_S = 0.1
+_WARM_UP_S = 0.05
 _ECHO_PART = bytes(range(32))
 _NS_TO_MS = 1e-6
 

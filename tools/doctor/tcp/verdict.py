@@ -74,7 +74,7 @@ def _nagle_here(measured: Measured, results: dict[Case, CaseResult]) -> Finding 
     other = "" if twin is None else f", and {_mean(twin)} in two writes with TCP_NODELAY"
     return Finding(
         kind="nagle-here",
-        severity=Severity.WARNING,
+        severity=_severity(result),
         whose=Whose.APPLICATION,
         sentence=(
             f"a message that this side writes in two parts takes {_mean(result)} on average, where {_allowed()}: this "
@@ -109,7 +109,7 @@ def _nagle_there(measured: Measured, as_is: list[CaseResult]) -> Finding | None:
     known = "" if result.nagle_there else ", or the network does (an echo server does not say whether its Nagle is on)"
     return Finding(
         kind="nagle-there",
-        severity=Severity.WARNING,
+        severity=_severity(result),
         whose=Whose.PEER if result.nagle_there else Whose.PEER_OR_WIRE,
         sentence=(
             f"a round trip takes {_mean(result)} on average, where {_allowed()}: {measured.peer} writes its reply in "
@@ -150,7 +150,7 @@ def _held_by_network(measured: Measured, as_is: list[CaseResult]) -> Finding | N
     again = sum(one.retransmissions for one in as_is)
     return Finding(
         kind="uneven-network",
-        severity=Severity.WARNING,
+        severity=_severity(result),
         whose=Whose.WIRE,
         sentence=(
             f"parts of one message to {measured.peer} arrive up to "
@@ -349,6 +349,10 @@ def _connected(measured: Measured) -> str:
     kernel = measured.kernel_round_trip_ms
     known = "" if kernel is None else f"; the kernel here measured a round trip of {kernel:.2f} ms then (TCP_INFO)"
     return f"connecting took {measured.connect_ms:.2f} ms{known}"
+
+
+def _severity(result: CaseResult) -> Severity:
+    return Severity.WARNING if result.total.mean_ms > ALLOWED_MEAN_MS else Severity.NOTE
 
 
 def _share(held: Held) -> str:
