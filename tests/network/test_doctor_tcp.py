@@ -20,8 +20,8 @@ from hil.values.link import Address
 from hil.values.tcp_probe import Behaviour
 from tests.support.cli import cli
 from tests.support.processes import Ended, finish, hil, wait_for_line
-from transport.tcp import ProbeRefused, read_greeting
-from transport.tcp.sockets import listen
+from transport.tcp import ProbeRefused, Responder, read_greeting
+from transport.tcp.sockets import listen, set_quick_ack
 
 KERNEL_DELAY_MS = range(30, 90)
 """Linux's 40 ms, a timer tick and a busy machine."""
@@ -127,6 +127,51 @@ def test_the_side_whose_nagle_meets_a_delayed_acknowledgement_is_named(
     verdict = json.loads(file.read_text())["findings"][0]
     assert (verdict["kind"], verdict["whose"]) == (kind, whose)
     assert int(verdict["figures"]["held_ms"]) in KERNEL_DELAY_MS
+
+
+class Late(asyncio.Protocol):
+    """A responder whose messages, or whose program, take 8 ms."""
+
+    def __init__(self, place: str) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._responder = Responder(Behaviour.GOOD, now_ns=elapsed_ns())
+        self._in_program = place == "program"
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.Transport)
+        self._transport = transport
+        transport.write(self._responder.opening(system="Linux", software="x").write)
+
+    def data_received(self, data: bytes) -> None:
+        set_quick_ack(self._transport.get_extra_info("socket"), True)
+        if self._in_program:
+            self._responder.receive(data, now_ns=elapsed_ns())
+            self._loop.call_later(0.008, self._answer)
+        else:
+            self._loop.call_later(0.008, self._take, data)
+
+    def _take(self, data: bytes) -> None:
+        self._responder.receive(data, now_ns=elapsed_ns())
+        self._answer()
+
+    def _answer(self) -> None:
+        for step in self._responder.steps(now_ns=elapsed_ns()):
+            self._transport.write(step.write)
+
+
+@pytest.mark.parametrize(
+    ("place", "kind", "said"),
+    [
+        ("network", "slow-network", "on average even in one write with TCP_NODELAY, where 5 ms are allowed"),
+        ("program", "slow-program-there", "ms of it before it replies; TCP is not the cause"),
+    ],
+)
+async def test_what_is_slow_without_nagle_is_named(place: str, kind: str, said: str) -> None:
+    async with await asyncio.get_running_loop().create_server(lambda: Late(place), "127.0.0.1", 0) as late:
+        port = late.sockets[0].getsockname()[1]
+        ended, found = await asyncio.to_thread(doctor, f"127.0.0.1:{port}", count=2)
+    assert (ended.code, found["findings"][0]["kind"]) == (1, kind), found
+    assert said in found["verdict"]
 
 
 def test_an_acknowledgement_as_late_as_that_of_windows_is_told_as_such() -> None:
@@ -284,4 +329,3 @@ def test_a_responder_that_cannot_listen_ends_the_run_in_a_sentence() -> None:
     refused(cli(*common, "--tcp-probe", "127.0.0.1"), "'127.0.0.1' is no HOST:PORT")
     refused(cli(*common, "--tcp-probe-behaviour", "nagle"), "needs a responder; add --tcp-probe ADDR:PORT")
     refused(cli(*common, "--tcp-probe", "off", "--tcp-probe-behaviour", "nagle"), "leaves nothing for")
-    refused(cli(*common, "--tcp-probe", "no.such.host.invalid:1"), "there is no host 'no.such.host.invalid'")
