@@ -16,10 +16,13 @@ import pytest
 from hil.clock import MonotonicClock, elapsed_ns
 from hil.runtime.tcp_probe import TcpProbe
 from hil.runtime.tcp_probe_server import CONNECTIONS_MOST, ProbeServer
+from hil.values.errors import HilError
 from hil.values.link import Address
 from hil.values.tcp_probe import Behaviour
 from tests.support.cli import cli
 from tests.support.processes import Ended, finish, hil, wait_for_line
+from tools.doctor.tcp.connection import find_address
+from tools.doctor.tcp.measure import measure_echo, measure_responder
 from transport.tcp import ProbeRefused, Responder, read_greeting
 from transport.tcp.sockets import listen, set_quick_ack
 
@@ -82,6 +85,15 @@ def says(first: bytes, *answers: bytes, stays: bool = False) -> Callable[[socket
 def doctor(peer: str, *options: object, count: int = 3) -> tuple[Ended, dict[str, Any]]:
     ended = cli("doctor", "tcp", peer, "--count", count, "--json", "-", *options)
     return ended, json.loads(ended.out) if ended.out else {}
+
+
+def complaint(peer: str, *, echo: bool = False, timeout_s: float = 0.1) -> str:
+    """Return what the doctor says of a peer that cannot be measured; the command line makes exit code 2 of it."""
+    measure = measure_echo if echo else measure_responder
+    with pytest.raises(HilError) as caught:
+        measure(find_address(peer, timeout_s=2.0), count=1, timeout_s=timeout_s, progress=lambda *_: None)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
 
 
 def refused(ended: Ended, sentence: str) -> None:
@@ -238,8 +250,6 @@ def test_more_messages_than_the_machine_can_spare_end_the_connection() -> None:
     [
         ("nowhere.invalid:30400", "there is no host 'nowhere.invalid'"),
         ("127.0.0.1", "'127.0.0.1' is no HOST:PORT; give both"),
-        ("127.0.0.1:x", "the port 'x' is no number"),
-        ("127.0.0.1:0", "port 0 is outside 1..65535"),
         ("127.0.0.1:1", "nothing listens at TCP 127.0.0.1:1"),
     ],
 )
@@ -258,11 +268,11 @@ def test_a_host_that_drops_everything_costs_the_timeout_and_no_more() -> None:
             sock.setblocking(False)
             sock.connect_ex(address)
         began_ns = elapsed_ns()
-        ended = cli("doctor", "tcp", f"127.0.0.1:{address[1]}", "--timeout", 0.1)
+        sentence = complaint(f"127.0.0.1:{address[1]}")
         took_s = (elapsed_ns() - began_ns) * 1e-9
         for sock in waiting:
             sock.close()
-    refused(ended, "did not answer within 0.1 s: there is no such machine, it is not reachable")
+    assert "did not answer within 0.1 s: there is no such machine, it is not reachable" in sentence
     assert took_s < 2.0
 
 
@@ -287,7 +297,7 @@ def test_a_peer_that_is_no_responder_is_told_in_one_sentence(
     serve: Callable[[socket.socket], None], sentence: str
 ) -> None:
     with server(serve) as peer:
-        refused(cli("doctor", "tcp", peer, "--timeout", 0.1), sentence)
+        assert sentence in complaint(peer)
 
 
 @pytest.mark.parametrize(("no_delay", "code", "kind"), [(True, 0, "tcp-healthy"), (False, 1, "nagle-there")])
@@ -304,7 +314,7 @@ def test_an_echo_server_is_measured_when_told_and_its_nagle_found(no_delay: bool
 
 def test_what_is_no_echo_server_is_told() -> None:
     with server(says(b"", b"hello")) as peer:
-        refused(cli("doctor", "tcp", peer, "--echo"), "sends back something else than it was sent")
+        assert "sends back something else than it was sent" in complaint(peer, echo=True)
 
 
 async def test_a_responder_whose_process_is_killed_is_told_and_reported() -> None:
@@ -326,6 +336,4 @@ def test_a_responder_that_cannot_listen_ends_the_run_in_a_sentence() -> None:
         place = f"127.0.0.1:{taken.getsockname()[1]}"
         common = ("run", "--fri-client", "off", "--servo", "off", "--pad", "off", "--backend", "ideal", "--duration", 1)
         refused(cli(*common, "--tcp-probe", place), f"cannot listen at TCP {place}: Address already in use")
-    refused(cli(*common, "--tcp-probe", "127.0.0.1"), "'127.0.0.1' is no HOST:PORT")
     refused(cli(*common, "--tcp-probe-behaviour", "nagle"), "needs a responder; add --tcp-probe ADDR:PORT")
-    refused(cli(*common, "--tcp-probe", "off", "--tcp-probe-behaviour", "nagle"), "leaves nothing for")

@@ -229,6 +229,8 @@ def test_options_of_the_tcp_probe_lie_over_the_file(tmp_path: Path) -> None:
     assert probe(behaviour=Behaviour.GOOD) == ("127.0.0.1:30400", "good")
     assert probe(bind="127.0.0.1:1") == ("127.0.0.1:1", "nagle")
     assert probe(bind="off") is None
+    with pytest.raises(ConfigurationError, match="--tcp-probe off leaves nothing for --tcp-probe-behaviour to say"):
+        probe(bind="off", behaviour=Behaviour.NAGLE)
 
 
 def test_an_address_cannot_be_that_of_two_robots(tmp_path: Path) -> None:
