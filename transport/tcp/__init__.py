@@ -1,4 +1,4 @@
-"""A TCP responder for measuring small messages: bytes in, bytes and socket settings out; nothing here sends or waits.
+"""A TCP responder for measuring small messages. Messages and responder are bytes in, bytes and socket settings out.
 
 The responder speaks first, so that a doctor never sends a byte to a server of another kind. Big endian throughout.
 
