@@ -35,6 +35,10 @@ def check(file: Annotated[Path, typer.Argument(help="Station file to check.")]) 
     station = load_station(file)
     from hil.runtime.assembly import check_backend, link_addresses, make_servo_codec, robot_description
 
+    if station.tcp_probe is not None:
+        from transport.tcp.sockets import parse_tcp_address
+
+        parse_tcp_address(station.tcp_probe.bind, port_0=True)
     table = Table("", *(escape(robot.name) for robot in station.robot), title=escape(str(file)))
     columns = []
     for robot in station.robot:

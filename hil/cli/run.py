@@ -9,6 +9,7 @@ from hil.config.control import ControlName
 from hil.config.station import Mode, Reaction, Station, load_station, parse_station
 from hil.values.errors import ConfigurationError
 from hil.values.fri import OverlayKind, Release
+from hil.values.tcp_probe import Behaviour
 
 _ENDPOINTS = ("client", "bind")
 """Options that name an address: they cannot hold for several robots at once."""
@@ -67,6 +68,13 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
     capture_ring: Annotated[
         str | None, typer.Option(metavar="FILESxSIZE", help="Keep only the newest files of it, such as 10x100MB.")
     ] = None,
+    tcp_probe: Annotated[
+        str | None, typer.Option(metavar="ADDR:PORT|off", help="Serve a responder for hil doctor tcp there.")
+    ] = None,
+    tcp_probe_behaviour: Annotated[
+        Behaviour | None,
+        typer.Option(help="What kind of peer it is: good (the default), or a bad one; the last is emulated."),
+    ] = None,
     duration: Annotated[float | None, typer.Option(metavar="S", min=0.0, help="End after so many seconds.")] = None,
     status_json: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the run's figures at exit.")] = None,
     progress: Annotated[
@@ -97,6 +105,7 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
         fri=_given(fri),
         servo=ServoOptions(servo, servo_key, reaction),
         process=_given({"capture": capture, "capture_ring": capture_ring, "pad": pad, "realtime": realtime or None}),
+        tcp_probe=_given({"bind": tcp_probe, "behaviour": tcp_probe_behaviour}),
     )
     for note in chosen_controls(chosen):
         typer.echo(note, err=True)
@@ -138,6 +147,7 @@ def station_of(
     fri: dict[str, Any],
     servo: ServoOptions,
     process: dict[str, Any],
+    tcp_probe: dict[str, Any] | None = None,
 ) -> Station:
     """Return the station of a file (or one default robot with both links) with options laid over it."""
     content: dict[str, Any] = {"robot": [{"fri": {}, "servo": {}}]}
@@ -149,6 +159,7 @@ def station_of(
     _lay_fri_options(robots, fri, path)
     _lay_servo_options(robots, servo, path)
     content.update(process)
+    _lay_probe_options(content, tcp_probe or {})
     return parse_station(content, where="command line" if path is None else f"{path} with the options given")
 
 
@@ -191,6 +202,20 @@ def _lay_servo_options(robots: list[dict[str, Any]], servo: ServoOptions, path: 
         raise ConfigurationError(f"no robot of {path} has a servo link for --servo-key; add --servo")
     for one in linked:
         one["servo"] = {**(one.get("servo") or {}), **given}
+
+
+def _lay_probe_options(content: dict[str, Any], probe: dict[str, Any]) -> None:
+    if not probe:
+        return
+    if probe.get("bind") == _OFF:
+        if len(probe) > 1:
+            raise ConfigurationError("--tcp-probe off leaves nothing for --tcp-probe-behaviour to say")
+        content["tcp_probe"] = None
+        return
+    before = content.get("tcp_probe") or {}
+    if "bind" not in {*before, *probe}:
+        raise ConfigurationError("--tcp-probe-behaviour needs a responder; add --tcp-probe ADDR:PORT")
+    content["tcp_probe"] = {**before, **probe}
 
 
 def _given(options: dict[str, Any]) -> dict[str, Any]:

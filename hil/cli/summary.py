@@ -38,8 +38,25 @@ def print_summary(status: dict[str, Any]) -> None:
         )
         if capture["error"]:
             console.print(f"[red]capture: {escape(capture['error'])}[/red]", soft_wrap=True)
+    _print_probe(console, status["tcp_probe"])
     if status["fault"]:
         console.print(f"[red]fault: {escape(status['fault'])}[/red]", soft_wrap=True)
+
+
+def _print_probe(console: Console, probe: dict[str, Any] | None) -> None:
+    """Print what the TCP responder served, and what did not end as a doctor ends it."""
+    if probe is None:
+        return
+    if probe["fault"]:
+        console.print(f"[red]tcp probe {probe['address']}: {escape(probe['fault'])}[/red]", soft_wrap=True)
+        return
+    odd = {"turned away": probe["turned_away"], **probe["ended"]}
+    del odd["closed by the other side"]
+    served = [
+        f"{probe['accepted']} connections, {probe['answered']} messages answered",
+        *(f"{what} {count}" for what, count in odd.items() if count),
+    ]
+    console.print(f"tcp probe {probe['address']}: {', '.join(served)}", soft_wrap=True)
 
 
 def _figures(robot: dict[str, Any]) -> dict[str, str]:

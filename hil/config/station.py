@@ -27,6 +27,7 @@ from hil.values.link import Address
 from hil.values.load import NO_LOAD, Load
 from hil.values.servo import SERVO_PORT
 from hil.values.signals import Signal, check_message_fits
+from hil.values.tcp_probe import Behaviour
 
 
 class Mode(StrEnum):
@@ -219,6 +220,15 @@ class RobotConfig(_Model):
         return self
 
 
+class TcpProbeConfig(_Model):
+    """``[tcp_probe]``: the responder that ``hil doctor tcp`` measures against."""
+
+    bind: Annotated[str, Field(description="ADDR:PORT it listens at")]
+    behaviour: Annotated[
+        Behaviour, Field(description="good, or a bad peer: nagle, delayed-ack, delayed-ack-200ms (emulated)")
+    ] = Behaviour.GOOD
+
+
 class Station(_Model):
     """A station: one or more robots, and what the process as a whole does."""
 
@@ -231,6 +241,9 @@ class Station(_Model):
     pad: Annotated[
         str | None,
         Field(description="socket of the operator's pad, or off; default: one in a folder only its owner may open"),
+    ] = None
+    tcp_probe: Annotated[
+        TcpProbeConfig | None, Field(description="responder for hil doctor tcp; leave the section out for none")
     ] = None
     robot: Annotated[list[RobotConfig], Field(min_length=1, max_length=16, description="the robots")]
 

@@ -8,6 +8,10 @@ realtime = false              # ask for SCHED_FIFO, locked memory and a CPU
 # capture = "run.pcapng"      # record all packets
 # pad = "off"                 # socket of the operator's pad (hil pad), or off; default: one only you may open
 
+# [tcp_probe]                 # a responder for hil doctor tcp; none without this section
+# bind = "127.0.0.1:30400"    # where it listens
+# behaviour = "good"          # or the bad peer itself: nagle, delayed-ack, delayed-ack-200ms (emulated)
+
 [[robot]]                     # repeat this section for more robots
 name = "arm"
 model = "lbr-iiwa-14-r820"    # lbr-iiwa-7-r800, lbr-iiwa-14-r820, lbr-med-7, lbr-med-14

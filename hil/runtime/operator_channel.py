@@ -155,8 +155,10 @@ class OperatorChannel:
         return True
 
     def left(self, connection: Connection) -> None:
-        """A connection ended: let go what it held."""
+        """A connection ended: let go what it held, and forget what it asked for and cannot be answered."""
         self._connections.discard(connection)
+        if any(one is connection for one, _ in self._waiting):
+            self._waiting = deque(waiting for waiting in self._waiting if waiting[0] is not connection)
         for name in [name for name, holder in self._holders.items() if holder is connection]:
             del self._holders[name]
             self._robots[name].operate(_RELEASE)

@@ -23,6 +23,7 @@ from hil.version import SOFTWARE
 
 if TYPE_CHECKING:
     from hil.runtime.captures import Captures
+    from hil.runtime.tcp_probe import TcpProbe
 
 NO_PAD = "off"
 START_DELAY_NS = 5_000_000
@@ -62,6 +63,7 @@ class _Run:
         self._robots: list[RobotProcess] = []
         self._pad: OperatorChannel | None = None
         self._captures: Captures | None = None
+        self._probe: TcpProbe | None = None
         self._epoch_ns = 0
 
     async def run(self) -> RunResult:
@@ -75,6 +77,8 @@ class _Run:
         fault: str | None = None
         capture: dict[str, object] | None = None
         try:
+            # Before the process asks for real time: a child inherits that, and this one must not have it.
+            self._probe = self._open_probe()
             self._robots = [self._robot(number, config) for number, config in enumerate(self._station.robot)]
             self._captures = self._open_captures()
             for robot in self._robots:
@@ -89,6 +93,8 @@ class _Run:
             self._say_start()
             fault = await self._serve()
         finally:
+            if self._probe is not None:
+                self._probe.close()
             if self._pad is not None:
                 self._pad.close()
             for robot in self._robots:
@@ -125,6 +131,16 @@ class _Run:
         pad.open()
         return pad
 
+    def _open_probe(self) -> "TcpProbe | None":
+        config = self._station.tcp_probe
+        if config is None:
+            return None
+        from hil.runtime.tcp_probe import TcpProbe
+        from transport.tcp.sockets import parse_tcp_address
+
+        bind = parse_tcp_address(config.bind, port_0=True)
+        return TcpProbe(bind, config.behaviour, say=self._console.say)
+
     def _start(self) -> None:
         """Give all robots their time axes, spread over one millisecond so that their cycles do not collide."""
         gc.collect()
@@ -145,6 +161,8 @@ class _Run:
                 self._console.say(f"{robot.config.name}: nothing may move: {reason}{unreachable}")
         if self._pad is not None:
             self._console.say(f"pad: hil pad finds this controller at {self._pad.path}")
+        if self._probe is not None:
+            self._console.say(f"tcp probe: hil doctor tcp {self._probe.local} ({self._probe.behaviour} peer)")
         for wish in self._wishes:
             self._console.say(f"realtime: {wish.what}: {'yes' if wish.granted else 'NOT GRANTED'}, {wish.detail}")
 
@@ -183,6 +201,7 @@ class _Run:
             "realtime": [wish._asdict() for wish in self._wishes],
             "capture": capture,
             "pad": None if self._pad is None else self._pad.report(),
+            "tcp_probe": None if self._probe is None else self._probe.report(),
             "robots": {robot.config.name: robot.report() for robot in self._robots},
         }
 

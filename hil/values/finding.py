@@ -16,6 +16,8 @@ class Whose(StrEnum):
     NOBODY = "nobody"
     CONTROLLER = "controller"
     """This emulator or the machine it runs on."""
+    HOST = "this host"
+    """The machine the diagnosis was made on."""
     PEER = "peer"
     """The program at the other end: FRI client, TCP peer."""
     WIRE = "wire"

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from hil.values.errors import HilError, UsageError
 from transport.capture.endpoints import MAX_PAYLOAD_BYTES
 from transport.capture.errors import CaptureError
-from transport.capture.frames import LINK_ETHERNET, FrameEncoder, decode_frame
+from transport.capture.frames import _MAX_ROUTES, LINK_ETHERNET, FrameEncoder, decode_frame
 from transport.capture.reading import CaptureReader, read_capture, read_records, read_section_comment
 from transport.capture.records import CapturedDatagram, Notes, Packet
 from transport.capture.writing import PcapngWriter
@@ -161,6 +161,14 @@ def test_headers_kept_per_route_leave_no_trace_of_the_datagram_before() -> None:
     short, long = (CapturedDatagram(0, ROBOT, CLIENT, payload) for payload in (b"ab", b"x" * 900))
     alone = FrameEncoder().encode(short)
     assert [encoder.encode(one) for one in (short, long, short)][::2] == [alone, alone]
+
+
+def test_headers_of_ever_new_senders_are_not_kept_for_ever() -> None:
+    encoder = FrameEncoder()
+    for port in range(1, 3000):
+        frame = encoder.encode(CapturedDatagram(0, (ROBOT[0], port), CLIENT, b"ab"))
+    assert len(encoder._headers) <= _MAX_ROUTES
+    assert frame == FrameEncoder().encode(CapturedDatagram(0, (ROBOT[0], 2999), CLIENT, b"ab"))
 
 
 @given(st.sampled_from([1, 101, 113, 276, 9999]), st.binary(max_size=200))

@@ -20,7 +20,7 @@ from hil.client.pad_folder import MAX_SOCKET_PATH_BYTES, distrusted, make_socket
 from hil.clock import MonotonicClock, elapsed_ns
 from hil.runtime import operator_channel
 from hil.runtime.operator_channel import MAX_CONNECTIONS, OperatorChannel
-from hil.runtime.pad_connection import BURST_REQUESTS, REQUEST_INTERVAL_NS, UNREAD_BYTES
+from hil.runtime.pad_connection import BURST_REQUESTS, REQUEST_INTERVAL_NS, UNREAD_BYTES, Connection
 from hil.runtime.pad_requests import MAX_LINE_BYTES, BadRequest, PadRequest, read_request
 from hil.values.errors import BackendError, ConfigurationError
 from hil.values.fri import OperationMode
@@ -514,6 +514,19 @@ async def test_a_watcher_that_never_reads_loses_lines_and_its_actions_still_coun
         assert connection._transport.get_write_buffer_size() <= UNREAD_BYTES + 2 * len(robot.filling)
         stuck.writer.write(b'{"do": "estop"}\n')
         await happens(robot, STOP)
+
+
+async def test_requests_of_pads_that_are_gone_do_not_pile_up(folder: Path) -> None:
+    async with serving(folder / "x", arm=Notes()) as channel, pad(channel) as stays:
+        await stays.ask(do="status")
+        there = next(iter(channel._connections))
+        for _ in range(1000):
+            gone = Connection(channel, now_ns=MonotonicClock().now_ns)
+            channel.queue(gone, b'{"do": "status"}')
+            channel.left(gone)
+        assert len(channel._waiting) == 0
+        channel.queue(there, b'{"do": "status"}')
+        assert (await stays.line())["ok"] is True
 
 
 async def test_the_end_is_said_and_the_socket_removed(folder: Path) -> None:

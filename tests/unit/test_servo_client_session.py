@@ -17,8 +17,9 @@ from hil.client.servo import (
 )
 from hil.client.servo import _operations as operations
 from hil.client.servo._operations import Wait
-from hil.client.servo._requests import MAX_OUTSTANDING
-from hil.client.servo.session import PHASES, SessionPhase
+from hil.client.servo._requests import MAX_OUTSTANDING, MAX_SUPERSEDED
+from hil.client.servo.session import MAX_GOALS, PHASES, SessionPhase
+from hil.values.motion import FineInterpolatorState
 from hil.values.outcomes import Outcome
 from hil.values.servo import (
     MAX_REQUESTS_IN_PACKET,
@@ -27,11 +28,13 @@ from hil.values.servo import (
     Command,
     Ended,
     FromController,
+    GoalReached,
     Goodbye,
     Hello,
     MotionEnded,
     Refused,
     RequestDone,
+    RequestError,
     SetRuntimeParameters,
     State,
     StopMotion,
@@ -254,6 +257,53 @@ def test_a_superseded_destination_that_arrived_all_the_same_has_its_own_outcome(
     tell(session, State(1001, 51, 9, 3, StandIn(CODEC).snapshot(), (RequestDone(2, 3, 33),)))
     assert first.done == RequestDone(1, 1, 11)
     assert second.done == third.done == RequestDone(2, 3, 33)
+
+
+def test_superseded_destinations_that_wait_for_an_answer_are_bounded() -> None:
+    session = connected().session
+    asked = [session.ask(destination(5, 1e-6 * place)) for place in range(MAX_SUPERSEDED + 11)]
+    given_up = [pending for pending in asked if pending.done is not None]
+    assert given_up == asked[:10]
+    assert {pending.done.error for pending in given_up if pending.done} == {RequestError.ILLEGAL_STATE}
+    assert given_up[0].done is not None
+    assert "1024 newer destinations followed" in given_up[0].done.reason
+    assert len(session.requests._unresolved) == MAX_SUPERSEDED + 1
+    newest = asked[-1].request.number
+    tell(session, State(1001, 50, 9, newest, StandIn(CODEC).snapshot(), (RequestDone(1, newest, 33),)))
+    assert {pending.done for pending in asked[10:]} == {RequestDone(1, newest, 33)}
+    assert not session.requests._unresolved
+
+
+def test_a_motion_whose_end_was_lost_is_over_once_nothing_more_is_to_be_told() -> None:
+    shell = connected()
+    record, session = shell.start().record, shell.session
+    assert record is not None
+    waiting = session.ask(SmartServo().request).request.number
+    nothing_runs, seen = StandIn(CODEC).snapshot(), session.reports_seen
+    tell(session, State(1001, 50, 9, 1, nothing_runs))
+    assert set(session.motions) == {record.number, waiting}  # no report was lost: that of its end is on its way
+    tell(session, State(1001, 51, 9, 1, nothing_runs, (RequestDone(seen + 3, 77, 0),)))
+    assert session.reports_lost == 2
+    assert set(session.motions) == {record.number, waiting}  # others may be on their way
+    tell(session, State(1001, 52, 9, 1, nothing_runs))
+    assert record.ended is not None
+    assert record.ended.reason == "the controller's report of how this motion ended was lost"
+    assert set(session.motions) == {waiting}
+
+
+def test_goals_that_a_busy_handler_is_not_told_are_bounded_and_counted() -> None:
+    shell = connected()
+    motion = shell.start()
+    assert motion.record is not None
+    motion.record.on_goal = lambda _: None
+    session, number = shell.session, motion.record.number
+    first = session.reports_seen + 1
+    for place in range(MAX_GOALS + 5):
+        report = GoalReached(first + place, number, place, FineInterpolatorState.RESTING, (0.0,) * 7)
+        session._take_report(report)
+    assert len(session.goals) == MAX_GOALS
+    assert session.goals_lost == 5
+    assert session.goals[0].report.at_ns == 5
 
 
 def test_an_outcome_the_controller_gave_up_is_said_to_be_lost() -> None:

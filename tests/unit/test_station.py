@@ -24,6 +24,7 @@ from hil.values.errors import ConfigurationError
 from hil.values.fri import IODirection, IOType, OverlayKind, Release
 from hil.values.link import Address
 from hil.values.signals import Signal
+from hil.values.tcp_probe import Behaviour
 
 IO = "[[robot]]\n[[robot.io]]\nname = 'G'\n[[robot.io.signal]]\nname = 'x'\n"
 ELEVEN = ", ".join(f"{{name = '{number}', type = 'digital', direction = 'input'}}" for number in range(11))
@@ -146,6 +147,11 @@ def test_what_the_template_leaves_commented_is_valid_too() -> None:
         ("robot = [", "is no TOML"),
         ("[[robot]]\nenabled = 1", "robot[1].enabled: Input should be a valid boolean, got 1"),
         ("[[robot]]\npermissive = 'yes'", "robot[1].permissive: Input should be a valid boolean, got 'yes'"),
+        ("[[robot]]\n[tcp_probe]\nbehaviour = 'good'", "tcp_probe.bind: Field required"),
+        (
+            "[[robot]]\n[tcp_probe]\nbind = 'a:1'\nbehaviour = 'bad'",
+            "tcp_probe.behaviour: Input should be 'good', 'nagle'",
+        ),
         ("pad = true\n[[robot]]", "pad: Input should be a valid string, got True"),
         ("[[robot]]\n[robot.limits]\nspeed = 1", "robot[1].limits.speed: there is no such key"),
         ("[[robot]]\n[robot.limits]\ntorque_nm = [1, 2]", "robot[1].limits.torque_nm: List should have at least 7"),
@@ -209,6 +215,22 @@ def test_options_override_the_file(tmp_path: Path) -> None:
     assert station.capture == Path("c.pcapng")
     assert station.realtime
     assert station.pad == "off"
+
+
+def test_options_of_the_tcp_probe_lie_over_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "probe.toml"
+    file.write_text('[tcp_probe]\nbind = "127.0.0.1:30400"\nbehaviour = "nagle"\n[[robot]]\n')
+
+    def probe(**options: object) -> tuple[str, str] | None:
+        given = station_of(file, robot={}, fri={}, servo=ServoOptions(), process={}, tcp_probe=options).tcp_probe
+        return None if given is None else (given.bind, given.behaviour)
+
+    assert probe() == ("127.0.0.1:30400", "nagle")
+    assert probe(behaviour=Behaviour.GOOD) == ("127.0.0.1:30400", "good")
+    assert probe(bind="127.0.0.1:1") == ("127.0.0.1:1", "nagle")
+    assert probe(bind="off") is None
+    with pytest.raises(ConfigurationError, match="--tcp-probe off leaves nothing for --tcp-probe-behaviour to say"):
+        probe(bind="off", behaviour=Behaviour.NAGLE)
 
 
 def test_an_address_cannot_be_that_of_two_robots(tmp_path: Path) -> None:

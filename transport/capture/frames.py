@@ -46,6 +46,8 @@ class FrameEncoder:
         route = datagram.source, datagram.destination
         frame = self._headers.get(route)
         if frame is None:
+            if len(self._headers) >= _MAX_ROUTES:
+                self._headers.clear()
             frame = self._headers[route] = _headers(*route)
         udp = frame.data.data
         udp.data = datagram.payload

@@ -6,12 +6,9 @@ end of the stream as its order to finish, so the file is completed however this 
 """
 
 import os
-import signal
 import socket
 import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -20,11 +17,9 @@ from transport.capture.batches import Ring
 from transport.capture.comment import encode_comment
 from transport.capture.errors import CaptureError, cannot_create
 from transport.capture.link import CaptureLink, CaptureSummary
+from transport.child import module_command, module_environment, terminal_signals_blocked
 
 _WRITER = "transport.capture.writer_main"
-_SOURCE_ROOT = Path(__file__).resolve().parents[2]
-"""The folder that holds the package, which the child must find wherever it is started."""
-_TERMINAL_SIGNALS = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 
 
 class CaptureProcess(CaptureLink):
@@ -124,15 +119,13 @@ def start_writer(
     ``listens``: the socket is one that a recorder will connect to. ``detached``: it outlives its parent's terminal.
     """
     descriptors = socket_fd, file_fd
-    search_path = os.pathsep.join(filter(None, [str(_SOURCE_ROOT), os.environ.get("PYTHONPATH")]))
     arguments = [*map(str, descriptors), os.path.abspath(path), "listen" if listens else "connected"]  # noqa: PTH100  # a link to the file stays one
     try:
-        with _terminal_signals_blocked():
+        with terminal_signals_blocked():
             return subprocess.Popen(
-                # -P: a file of the user's folder must not pass for a module
-                [sys.executable, "-P", "-m", _WRITER, *arguments],
+                module_command(_WRITER, *arguments),
                 pass_fds=descriptors,
-                env={**os.environ, "PYTHONPATH": search_path},
+                env=module_environment(),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL if detached else subprocess.PIPE,
@@ -140,16 +133,3 @@ def start_writer(
             )
     except OSError as error:
         raise CaptureError(path, f"the writing process cannot be started: {error.strerror or error}") from error
-
-
-@contextmanager
-def _terminal_signals_blocked() -> Iterator[None]:
-    """A process started inside is born with these signals blocked, and they stay so.
-
-    A handler it installs itself would come too late for a Ctrl-C in its first milliseconds.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _TERMINAL_SIGNALS)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)

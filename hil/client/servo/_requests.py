@@ -18,6 +18,9 @@ from hil.values.servo import (
 
 MAX_OUTSTANDING: Final = 64
 """Requests the controller has not taken yet; one more is refused at the call."""
+MAX_SUPERSEDED: Final = 1024
+"""Superseded destinations that wait for the outcome of a newer one; the oldest gives up when one more does."""
+_GIVEN_UP: Final = f"more than {MAX_SUPERSEDED} newer destinations followed before the controller answered"
 _LOST: Final = "the controller's answer to this request was lost"
 
 
@@ -32,7 +35,7 @@ class Pending:
         self.answer: FrameDescribed | FlangeLocated | LoadValidated | None = None
         """What was asked for, of a question; it comes before ``done``."""
         self.superseded = False
-        self.older: list[Pending] = []
+        self.older: deque[Pending] = deque()
         """Requests this one superseded, which share its outcome unless they had one of their own."""
 
     def resolve(self, done: RequestDone) -> None:
@@ -101,6 +104,10 @@ class RequestBook:
                 older.resolve(RequestDone(done.number, number, done.at_ns, RequestError.ILLEGAL_STATE, _LOST))
         return pending.request
 
+    def waits_for(self, number: int) -> bool:
+        """Whether it is not known yet what became of the request of that number."""
+        return number in self._unresolved
+
     def answered(self, answer: FrameDescribed | FlangeLocated | LoadValidated) -> None:
         """Note the answer to a question."""
         pending = self._unresolved.get(answer.request)
@@ -112,7 +119,14 @@ class RequestBook:
             if isinstance(older.request, SetDestination) and older.request.motion == motion:
                 older.superseded = True
                 older.older.append(older)
-                newer.older, older.older = older.older, []
+                newer.older, older.older = older.older, deque()
                 self._outstanding.remove(older)
                 self.superseded += 1
+                if len(newer.older) > MAX_SUPERSEDED:
+                    self._give_up(newer.older.popleft())
                 return
+
+    def _give_up(self, oldest: Pending) -> None:
+        number = oldest.request.number
+        if self._unresolved.pop(number, None) is not None:
+            oldest.resolve(RequestDone(0, number, 0, RequestError.ILLEGAL_STATE, _GIVEN_UP))

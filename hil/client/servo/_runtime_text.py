@@ -69,7 +69,7 @@ def _everything_else(record: MotionRecord, update: Update) -> Iterator[str]:
     yield (
         f"session {session.phase.value}: {session.states} states taken, {session.sent} packets sent, "
         f"{len(session.requests)} requests outstanding, {session.requests.superseded} destinations superseded on the "
-        f"way, {session.reports_seen} reports seen, {session.reports_lost} lost"
+        f"way, {session.reports_seen} reports seen, {session.reports_lost} lost; {session.goals_lost} goals not told"
     )
     # Copied first: another thread may be receiving.
     received = ", ".join(f"{count} {outcome.value}" for outcome, count in session.outcomes.copy().items())

@@ -18,6 +18,7 @@ from hil.values.operator import ProgramState
 from hil.values.outcomes import Outcome
 from hil.values.pose import NOWHERE, Pose
 from hil.values.servo import (
+    MAX_MOTIONS_IN_PACKET,
     PROTOCOL_VERSION,
     Command,
     Ended,
@@ -44,9 +45,12 @@ from hil.values.servo import (
     Welcome,
 )
 
+MAX_GOALS: Final = 256
+"""Goals reached that wait for a handler; where a handler is slower than they come, the oldest are lost, and counted."""
 JOIN_KNOCKS: Final = 5
 """Commands that get no state before the offer is thought forgotten, and asked for anew."""
 _NONCE_MODULUS: Final = 1 << 64
+_END_LOST: Final = "the controller's report of how this motion ended was lost"
 
 
 class SessionPhase(StrEnum):
@@ -144,8 +148,10 @@ class ServoSession:
         self.requests = RequestBook()
         self.motions: dict[int, MotionRecord] = {}
         """Motions that did not end, by number."""
-        self.goals: deque[GoalEvent] = deque()
+        self.goals: deque[GoalEvent] = deque(maxlen=MAX_GOALS)
         """Goals reached that the shell has yet to tell."""
+        self.goals_lost = 0
+        """Goals reached that no handler was told of, because it was busy with those before."""
         self.states = 0
         """State packets taken."""
         self.sent = 0
@@ -164,6 +170,8 @@ class ServoSession:
         self._state_sequence = 0
         self._reflected = 0
         self._wanted = 0
+        self._ends_missed = 0
+        """Reports that were lost when it was last seen which motions had ended unheard."""
 
     @property
     def running(self) -> bool:
@@ -319,6 +327,8 @@ class ServoSession:
         for report in state.reports:
             if report.number > self.reports_seen:
                 self._take_report(report)
+        if self._ends_missed != self.reports_lost and not state.reports:
+            self._end_what_is_gone(state.snapshot)
         if state.reports or self.requests or self._reflected < self._wanted:
             self._due = True
 
@@ -331,6 +341,7 @@ class ServoSession:
         elif isinstance(report, GoalReached):
             record = self.motions.get(report.motion)
             if record is not None and record.on_goal is not None:
+                self.goals_lost += len(self.goals) == MAX_GOALS
                 self.goals.append(GoalEvent(record, report))
         else:
             record = self.motions.pop(report.motion, None)
@@ -338,6 +349,16 @@ class ServoSession:
                 record.ended = report
         self.reports_lost += report.number - self.reports_seen - 1
         self.reports_seen = report.number
+
+    def _end_what_is_gone(self, snapshot: Snapshot) -> None:
+        """Reports were lost, and there are no more: a motion that is not there any more ended, and nobody heard it."""
+        if len(snapshot.motions) >= MAX_MOTIONS_IN_PACKET:
+            return
+        self._ends_missed = self.reports_lost
+        there = {motion.motion for motion in snapshot.motions}
+        gone = [number for number in self.motions if number not in there and not self.requests.waits_for(number)]
+        for number in gone:
+            self.motions.pop(number).ended = MotionEnded(0, number, snapshot.now_ns, MotionEnd.FAILED, _END_LOST, "")
 
     def _take_done(self, request: Request | None, done: RequestDone) -> None:
         if isinstance(request, StartMotion):

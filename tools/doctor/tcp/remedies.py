@@ -69,7 +69,7 @@ def acknowledger_remedies(side: str, system: System = System.OTHER) -> tuple[str
             "the other side as ip route shows it> quickack 1"
         ),
         (
-            f"{side}{_if(system, System.LINUX)}, 6.7 or newer, for the whole machine: sysctl -w "
+            f"{side}{_if(system, System.LINUX)}, for the whole machine, from Linux 6.7 on: sysctl -w "
             "net.ipv4.tcp_pingpong_thresh=255 (it makes late acknowledgements rare, it does not end them)"
         ),
     )
@@ -83,15 +83,11 @@ def acknowledger_remedies(side: str, system: System = System.OTHER) -> tuple[str
             return (*linux, *windows)
 
 
-def cabinet_remedies(side: str = "the PC") -> tuple[str, ...]:
-    """Return what can be done where the other side is a real Sunrise Cabinet, whose sockets are not ours to change."""
+def fixed_side_remedy(fixed: str, other: str) -> str:
+    """Return what is left where one side cannot be changed, as the system of a real Sunrise Cabinet."""
     return (
-        *sender_remedies(side),
-        *acknowledger_remedies(side),
-        (
-            "the Cabinet's own system stays as it is; a robot application of yours there can call "
-            "socket.setTcpNoDelay(true) and write each reply with one call"
-        ),
+        f"where {fixed} cannot be changed, as the system of a real Sunrise Cabinet cannot: what is said of {other} "
+        "helps alone"
     )
 
 
