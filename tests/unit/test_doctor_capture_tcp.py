@@ -50,7 +50,12 @@ def ping_pong(talk: Talk, *, answer_ms: float = 0.5, count: int = 50, period_ms:
 
 
 @pytest.mark.parametrize(
-    ("delay_ms", "system", "rate"), [(40.3, "as Linux does", 25), (200.0, "as Windows does", 5), (110.0, "late,", 9)]
+    ("delay_ms", "system", "rate"),
+    [
+        (40.3, "as Linux does", 25),
+        (200.0, "as Windows does", 5),
+        (110.0, "the manual has more than 100 ms for Windows", 9),
+    ],
 )
 def test_a_delayed_acknowledgement_that_frees_the_next_part_is_nagle(delay_ms: float, system: str, rate: int) -> None:
     found = diagnosis(asks_in_two_parts(Talk().handshake(), delay_ms=delay_ms)).verdict
@@ -434,6 +439,28 @@ def test_the_same_ports_again_are_another_connection(sequence: int) -> None:
     assert kinds(first, second) == ["tcp-healthy", "tcp-healthy"]
 
 
+def test_many_healthy_connections_are_told_in_one_sentence() -> None:
+    talks = [ping_pong(Talk(client=("10.0.0.9", 4000 + number)).handshake(), count=5) for number in range(9)]
+    found = diagnosis(*talks)
+    assert [one.kind for one in found.findings] == ["tcp-healthy"] * 4
+    assert found.findings[3].sentence == "6 more TCP connections are in order"
+    assert len(found.tables[0].rows) == 9
+
+
+def test_half_a_window_on_loopback_is_no_small_segment() -> None:
+    """As Linux sends 300 kB behind a short head: what is smaller than the largest segment was not held, nor small."""
+    talk = Talk(window=65_535).handshake(options=SynOptions(65_495, 0, has_timestamps=True))
+    for number in range(20):
+        at_ms = 10 + number * 5
+        talk.client(at_ms, 80)
+        talk.server(at_ms + 0.1, 90)
+        talk.server(at_ms + 0.11, 32_741)
+        talk.client(at_ms + 0.13)
+    found = diagnosis(talk).verdict
+    assert found.kind == "tcp-healthy"
+    assert not any("TCP_NODELAY is set" in line for line in found.evidence)
+
+
 def test_without_a_connection_nothing_is_said() -> None:
     assert tell([]) == ((), ())
 
@@ -456,8 +483,15 @@ def test_many_connections_leave_room_for_the_telling_ones() -> None:
     assert findings[0].kind == "tcp-nagle"
     assert len(findings) <= MAX_FINDINGS + 2
     assert f"{connections.left_out} more TCP connections" in findings[-1].sentence
-    assert "more findings of TCP connections are not shown" in findings[-2].sentence
+    assert "more TCP connections are in order" in findings[-2].sentence
     assert len(tables[0].rows) <= 40
+
+
+def test_too_many_findings_are_counted() -> None:
+    talks = [asks_in_two_parts(Talk(client=("10.0.0.9", 4000 + n)).handshake(), delay_ms=40) for n in range(30)]
+    findings = diagnosis(*talks).findings
+    assert [one.kind for one in findings] == ["tcp-nagle"] * MAX_FINDINGS + ["tcp-more"]
+    assert findings[-1].sentence == "6 more findings of TCP connections are not shown"
 
 
 ends = st.sampled_from([CLIENT, SERVER, ("10.0.0.9", 4000), ("255.255.255.255", 0)])

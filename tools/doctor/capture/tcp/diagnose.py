@@ -13,6 +13,7 @@ from transport.capture.errors import CaptureError
 from transport.capture.segments import read_segments
 
 MAX_FINDINGS: Final = 24
+MAX_HEALTHY: Final = 3
 MAX_ROWS: Final = 40
 
 Told = tuple[tuple[Finding, ...], tuple[EvidenceTable, ...]]
@@ -56,7 +57,7 @@ def tell(connections: list[Connection], *, left_out: int = 0) -> Told:
     told = [(connection, findings_of(connection)) for connection in connections]
     told = [(connection, found) for connection, found in told if found]
     told.sort(key=lambda entry: (-entry[1][0].severity.value, -entry[0].segments))
-    findings = [finding for _, found in told for finding in found]
+    findings = _fewer_healthy([finding for _, found in told for finding in found])
     findings.sort(key=lambda finding: finding.severity is Severity.NOTE)
     notes = []
     if len(findings) > MAX_FINDINGS:
@@ -70,6 +71,16 @@ def tell(connections: list[Connection], *, left_out: int = 0) -> Told:
     if not told:
         return tuple(notes), ()
     return (*findings[:MAX_FINDINGS], *notes), (_table(told),)
+
+
+def _fewer_healthy(findings: list[Finding]) -> list[Finding]:
+    good = [finding for finding in findings if finding.severity is Severity.GOOD]
+    more = len(good) - MAX_HEALTHY
+    if more <= 0:
+        return findings
+    kept = [*(one for one in findings if one.severity is not Severity.GOOD), *good[:MAX_HEALTHY]]
+    sentence = f"{more} more TCP connections are in order"
+    return [*kept, Finding("tcp-healthy", Severity.GOOD, Whose.NOBODY, sentence, figures={"connections": more})]
 
 
 def _table(told: list[tuple[Connection, list[Finding]]]) -> EvidenceTable:

@@ -35,6 +35,8 @@ _ANOTHER_STREAM_BYTES: Final = 1 << 26
 """A sequence number this far away belongs to no window."""
 _SMALL_FOR_ALL_BYTES: Final = 524
 """A segment below the smallest maximum a host may have (536), less time stamps."""
+_SMALL_AT_MOST_BYTES: Final = 1460
+"""Ethernet's full segment. Where more would fit (loopback, jumbo frames) half a window may leave unasked."""
 _TIME_STAMP_BYTES: Final = 12
 _EXAMPLES: Final = 3
 
@@ -138,7 +140,7 @@ class Direction:
 
     def is_small(self, size: int) -> bool:
         """Whether a payload leaves room in its segment: Nagle's algorithm is for those."""
-        return size < (_SMALL_FOR_ALL_BYTES if self.full_bytes is None else self.full_bytes)
+        return size < (_SMALL_FOR_ALL_BYTES if self.full_bytes is None else min(self.full_bytes, _SMALL_AT_MOST_BYTES))
 
     def begin(self, sequence: int, full_bytes: int | None, window_shift: int | None) -> None:
         """Take what both SYN segments say: the first sequence number, the largest payload, the window's scale."""

@@ -10,9 +10,8 @@ from tools.doctor.capture.tcp.direction import Direction, Stall
 from tools.doctor.capture.tcp.sides import Side, client_of, server_of
 from tools.doctor.capture.tcp.vantage import Beside, beside, vantage_words
 from tools.doctor.tcp.remedies import nagle_remedies, sender_remedies
+from tools.doctor.tcp.verdict import ALLOWED_MEAN_MS, delay_words
 
-ALLOWED_MEAN_MS: Final = 5.0
-"""Manual 11.1: what an update of the real-time data may require on average."""
 _LATE_MS: Final = 20.0
 _CERTAIN_STALLS: Final = 3
 """One or two may be chance: a program that sends again just then."""
@@ -321,7 +320,7 @@ def _not_held(connection: Connection) -> Iterator[str]:
         (connection.requests, client_of(connection), connection.requests_in_parts),
         (connection.replies, server_of(connection), connection.replies_in_parts),
     ):
-        if direction.unheld:
+        if direction.unheld >= _CERTAIN_STALLS:
             parts = f"; {in_parts} of its messages are in small parts, and one write each would be better" * bool(
                 in_parts
             )
@@ -349,15 +348,6 @@ def _stall_words(stall: Stall, sender: Side, acknowledger: Side) -> str:
         f"them {_ms(freed.waited_ns)} later, without data; packet {stall.number}: {stall.released_ns / 1000:.0f} us "
         f"after that {sender} sends the next {stall.size} bytes"
     )
-
-
-def delay_words(delay_ms: float) -> str:
-    """Return how late an acknowledgement is, and which system is known for that."""
-    if 25.0 <= delay_ms < 80.0:
-        return f"about {delay_ms:.0f} ms late, as Linux does"
-    if 150.0 <= delay_ms < 280.0:
-        return f"about {delay_ms:.0f} ms late, as Windows does"
-    return f"about {delay_ms:.0f} ms late"
 
 
 def _figures(what: str, times: StatisticTimer) -> dict[str, Figure]:
