@@ -344,9 +344,9 @@ def _exchange_words(connection: Connection) -> Iterator[str]:
 def _stall_words(stall: Stall, sender: Side, acknowledger: Side) -> str:
     before, freed = stall.before, stall.acknowledged
     return (
-        f"packet {before.number}: {before.size} bytes of {sender}; packet {freed.number}: {acknowledger} acknowledges "
-        f"them {_ms(freed.waited_ns)} later, without data; packet {stall.number}: {stall.released_ns / 1000:.0f} us "
-        f"after that {sender} sends the next {stall.size} bytes"
+        f"packet {before.number}: {_bytes(before.size)} of {sender}; packet {freed.number}: {acknowledger} "
+        f"acknowledges them {_ms(freed.waited_ns)} later, without data; packet {stall.number}: "
+        f"{stall.released_ns / 1000:.0f} us after that {sender} sends the next {_bytes(stall.size)}"
     )
 
 
@@ -366,3 +366,7 @@ def _ms(time_ns: float) -> str:
 
 def _times(count: int) -> str:
     return "once" if count == 1 else f"{count} times"
+
+
+def _bytes(size: int) -> str:
+    return "1 byte" if size == 1 else f"{size} bytes"
