@@ -309,6 +309,7 @@ class Controller:
             kinematics=kinematics,
             takes_torque=self._backend.capabilities.takes_torque,
             pusher=self._pusher,
+            findings=self._findings,
             emit=self._events.append,
             failed=self._safety.note_stop,
         )

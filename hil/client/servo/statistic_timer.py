@@ -7,6 +7,7 @@ from typing import Self
 
 from hil.client.servo.errors import IllegalStateException
 from hil.clock import stopwatch_ns
+from hil.values.time_statistic import time_statistic
 
 
 class StatisticTimer:
@@ -55,10 +56,13 @@ class StatisticTimer:
             self._sum_of_squares += distance * (duration_ms - self.mean_ms)
 
     def __str__(self) -> str:
-        if not self.count:
-            return "n(0) T(-, -, - msec) (stdDev -)"
-        times = f"{self.min_ms:.2f}, {self.mean_ms:.2f}, {self.max_ms:.2f}"
-        return f"n({self.count}) T({times} msec) (stdDev {self.standard_deviation_ms:.2f})"
+        return time_statistic(
+            count=self.count,
+            min_ms=self.min_ms,
+            mean_ms=self.mean_ms,
+            max_ms=self.max_ms,
+            standard_deviation_ms=self.standard_deviation_ms,
+        )
 
 
 class OneTimeStep:

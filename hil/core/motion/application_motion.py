@@ -10,7 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from hil.core.diagnosis.seconds_hand import SecondsHand
 from hil.core.kinematics.answers import NoPosition
+from hil.core.motion.destination_account import DestinationAccount
 from hil.core.motion.flange_limit import FlangeLimit
 from hil.core.motion.set_point import SetPoint
 from hil.values.control import ControlSetup
@@ -58,6 +60,10 @@ class ApplicationMotion(ABC):
     kind: MotionKind
     out_of_range: ErrorReason
     """What a destination outside the axis ranges is called, and a pose no axis positions lead to."""
+    account: DestinationAccount | None = None
+    """Of motions that take destinations while they run."""
+    seconds_hand: SecondsHand | None = None
+    """Who watches their destinations for it."""
 
     def __init__(self, parameters: MotionParameters, *, basis: MotionBasis, destination: Vector | Pose | None) -> None:
         self.parameters = parameters

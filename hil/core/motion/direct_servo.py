@@ -66,6 +66,10 @@ class DirectServo(ServoMotion):
             return self._filter.settling_s()
         return self._line.wait_ns(now_ns=now_ns) * 1e-9 + self._filter.settling_s(self._line.newest.position_rad)
 
+    @property
+    def _present(self) -> SetPoint:
+        return self._filter.set_point
+
     def _prepare(self) -> None:
         self._filter = DirectFilter(
             direct_servo_limits(self.basis, self.parameters), cycle_s=self.basis.cycle_ns * 1e-9
@@ -96,9 +100,12 @@ class DirectServo(ServoMotion):
 
     def _next(self, now_ns: int) -> SetPoint | Fault:
         directly = self._filter
-        if not directly.at_goal:
+        moves = not directly.at_goal
+        if moves:
             directly.advance()
         if directly.at_goal:
+            if moves:
+                self.seconds_hand.stands(now_ns)
             if self.interpolator is FineInterpolatorState.MOVING:
                 self._goal_reached(Trigger.GOAL_REACHED, now_ns)
             self._rest(now_ns)

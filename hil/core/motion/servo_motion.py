@@ -8,7 +8,9 @@ end while a destination waits.
 
 from abc import abstractmethod
 
+from hil.core.diagnosis.seconds_hand import SecondsHand
 from hil.core.motion.application_motion import Accounting, ApplicationMotion, MotionBasis
+from hil.core.motion.destination_account import DestinationAccount
 from hil.core.motion.destinations import Destination, DestinationLine, destination, not_well_formed
 from hil.core.motion.fine_interpolator import Trigger, next_state
 from hil.core.motion.motion_limits import Checks, bad_execution_time, bad_parameter
@@ -17,6 +19,7 @@ from hil.values.motion import ErrorReason, Fault, FineInterpolatorState, MotionP
 from hil.values.pose import Pose
 from hil.values.robot import JOINT_COUNT, Seven
 from hil.values.servo import Vector
+from hil.values.tuples import new_tuple
 
 
 class ServoMotion(ApplicationMotion):
@@ -28,6 +31,8 @@ class ServoMotion(ApplicationMotion):
 
     checks: Checks
     takes_velocity = True
+    account: DestinationAccount
+    seconds_hand: SecondsHand
 
     def __init__(
         self, parameters: MotionParameters, *, basis: MotionBasis, destination: Vector | Pose | None, dead_time_ns: int
@@ -37,6 +42,8 @@ class ServoMotion(ApplicationMotion):
             self.accounting = Accounting(received=1)
             if not isinstance(destination, Pose) and len(destination) == JOINT_COUNT:
                 self.destination = tuple(destination)  # type: ignore[assignment]
+        self.account = DestinationAccount()
+        self.seconds_hand = SecondsHand()
         self._line = DestinationLine(dead_time_ns)
         self._first_goal: Destination | None = None
         self._begun = False
@@ -74,6 +81,9 @@ class ServoMotion(ApplicationMotion):
                 return fault
             self.destination, self.destination_at_ns = goal.position_rad, goal.arrived_ns
             self.accounting = self.accounting._replace(executed=1, executed_at_ns=now_ns)
+            self.seconds_hand.next_destination(
+                goal.position_rad, arrived_ns=goal.arrived_ns, present=start, now_ns=now_ns
+            )
         return self._take_over(start, goal, now_ns=now_ns)
 
     def set_destination(
@@ -124,16 +134,28 @@ class ServoMotion(ApplicationMotion):
         if self._line:
             due = self._line.due(now_ns=now_ns)
             if due is not None:
-                fault = self._aim(due.destination)
+                goal, skipped = due
+                position_rad, _, _, arrived_ns = goal
+                self.account.executed(arrived_ns=arrived_ns, at_ns=started_ns)
+                self.seconds_hand.next_destination(
+                    position_rad, arrived_ns=arrived_ns, present=self._present, now_ns=now_ns
+                )
+                fault = self._aim(goal)
                 if fault is not None:
                     return fault
                 received, superseded, executed, _ = self.accounting
-                self.accounting = Accounting(received, superseded + due.superseded, executed + 1, started_ns)
+                self.accounting = new_tuple(Accounting, (received, superseded + skipped, executed + 1, started_ns))
         return self._next(now_ns)
 
     def resumed(self, *, paused_ns: int) -> None:
         """The motion was paused so long: its timeouts did not run."""
         self._rests_since_ns += paused_ns
+        self.seconds_hand.begins_anew()
+
+    @property
+    @abstractmethod
+    def _present(self) -> SetPoint:
+        """The set point of the cycle before."""
 
     @abstractmethod
     def _prepare(self) -> None:
@@ -175,7 +197,5 @@ class ServoMotion(ApplicationMotion):
             self.interpolator = next_state(self.interpolator, Trigger.TIMEOUT_AFTER_GOAL)
 
     def _count_received(self, *, superseded: int) -> None:
-        before = self.accounting
-        self.accounting = Accounting(
-            before.received + 1, before.superseded + superseded, before.executed, before.executed_at_ns
-        )
+        received, before, executed, executed_at_ns = self.accounting
+        self.accounting = new_tuple(Accounting, (received + 1, before + superseded, executed, executed_at_ns))

@@ -77,6 +77,10 @@ class SmartServo(ServoMotion):
             return 0.0
         return self._course.remaining_s
 
+    @property
+    def _present(self) -> SetPoint:
+        return self._set_point
+
     def _prepare(self) -> None:
         limits = self._limits = smart_servo_limits(self.basis, self.parameters)
         self._planner = TrajectoryPlanner(limits, cycle_s=self._cycle_s)
@@ -142,10 +146,12 @@ class SmartServo(ServoMotion):
         self._course = None
         self._under_way = None
         if self._leg is Leg.STOPPING:
+            self.seconds_hand.stands(now_ns)
             self._range_is_sure = True
             if self.interpolator is _S.MOVING:
                 self._goal_reached(Trigger.GOAL_REACHED, now_ns)
         elif self._goal.velocity_rad_s == STILL:
+            self.seconds_hand.stands(now_ns)
             self._range_is_sure = True
             self._goal_reached(Trigger.GOAL_REACHED, now_ns)
         else:

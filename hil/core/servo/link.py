@@ -10,11 +10,14 @@ from collections.abc import Callable
 from hil.core.control.load_validation import LoadValidation
 from hil.core.control.stage import ControlStage
 from hil.core.counters import PacketCounters
+from hil.core.diagnosis.findings import FindingLog
+from hil.core.diagnosis.seconds_hand_finding import seconds_hand
 from hil.core.events import ApplicationJoined, ApplicationLeft, Event, MotionBegan, MotionOver
 from hil.core.kinematics.srs import SrsKinematics
 from hil.core.motion.application_motion import ApplicationMotion, MotionBasis
 from hil.core.motion.executive import MotionExecutive
 from hil.core.motion.queue import EndedMotion, Entry
+from hil.core.motion.servo_motion import ServoMotion
 from hil.core.pushes import Pusher
 from hil.core.servo.answer import Answer
 from hil.core.servo.control_choice import ControlChoice
@@ -22,6 +25,7 @@ from hil.core.servo.door import Door
 from hil.core.servo.questions import Question, Questions
 from hil.core.servo.requests import Circumstances, RequestHandler
 from hil.core.servo.sessions import MAX_WAITING_REQUESTS, Session, SessionTable, TokenSource
+from hil.core.servo.set_points import SetPointBook
 from hil.core.servo.snapshot import snapshot
 from hil.core.settings import ControllerSettings, ServoSettings
 from hil.values.arm import ArmState, Push
@@ -46,6 +50,7 @@ from hil.values.servo import (
     RequestError,
     Role,
     ServoControllerCodec,
+    SetDestination,
     State,
 )
 
@@ -70,11 +75,14 @@ class ServoLink:
         kinematics: SrsKinematics,
         takes_torque: bool,
         pusher: Pusher,
+        findings: FindingLog,
         emit: Callable[[Event], None],
         failed: Callable[[Fault, int], None],
     ) -> None:
         self._codec = codec
         self._executive = executive
+        self._findings = findings
+        self._set_points = SetPointBook()
         self._emit = emit
         self._failed = failed
         self._sessions = SessionTable(tokens=TokenSource(servo.token_secret), cycle_ms=settings.cycle_ms)
@@ -158,7 +166,10 @@ class ServoLink:
             return []
         active = self._executive.applications.active
         if active is not None:
-            self._tell_goal(active.number, active.motion, now_ns)
+            motion = active.motion
+            self._tell_goal(active.number, motion, now_ns)
+            if motion.seconds_hand is not None and motion.seconds_hand.due:
+                self._diagnose(active.number, motion, now_ns)
         packets = [self._send(address, answer) for address, answer in self._answers]
         self._answers.clear()
         shown = None
@@ -215,6 +226,7 @@ class ServoLink:
             "requests_taken": self.requests_taken,
             "requests_refused": self.requests_refused,
             "motions_begun": self._executive.applications.started,
+            "motions": self._set_points.report(),
             "packets": self.counters.report(),
         }
 
@@ -269,6 +281,7 @@ class ServoLink:
             if len(session.inbox) >= MAX_WAITING_REQUESTS:
                 self._drop(Outcome.CROWDED, f"{session} asks for more than is done in a cycle", now_ns)
                 return
+            session.replaced += request.number - session.last_request - 1
             session.last_request = request.number
             session.inbox.append((now_ns, request))
 
@@ -278,6 +291,9 @@ class ServoLink:
         elif isinstance(request, PushArm):
             error, why = self._push(request, session.role)
         elif session.role is Role.COMMANDER:
+            if session.replaced and isinstance(request, SetDestination):
+                self._requests.replaced_on_the_way(request.motion, session.replaced)
+                session.replaced = 0
             error, why = self._requests.handle(request, arrived_ns=arrived_ns, circumstances=circumstances)
         else:
             error, why = RequestError.ILLEGAL_STATE, _OBSERVERS_REQUEST
@@ -323,12 +339,26 @@ class ServoLink:
         measured_rad = self._measured_rad
         commander.reports.add(lambda told: GoalReached(told, number, now_ns, motion.interpolator, measured_rad))
 
+    def _diagnose(self, number: int, motion: ApplicationMotion, now_ns: int) -> None:
+        if not isinstance(motion, ServoMotion):
+            return
+        commander = self._sessions.commander
+        name = "" if commander is None else commander.name
+        finding = seconds_hand(motion, number)
+        self._findings.add(finding, subject=f"{motion.kind.name} of {name or 'an application'}", now_ns=now_ns)
+        motion.seconds_hand.told(now_ns)
+
     def _motion_began(self, entry: Entry, now_ns: int) -> None:
+        self._set_points.began(entry, self.commander, now_ns=now_ns)
         self._emit(MotionBegan(now_ns, entry.number, entry.motion.kind))
 
     def _motion_ended(self, ended: EndedMotion) -> None:
         self._tell_goal(ended.number, ended.motion, ended.at_ns)
         self._goals_told.pop(ended.number, None)
+        hand = ended.motion.seconds_hand
+        if hand is not None and hand.untold:
+            self._diagnose(ended.number, ended.motion, ended.at_ns)
+        self._set_points.ended(ended)
         self._emit(MotionOver(ended.at_ns, ended.number, ended.motion.kind, ended.end, str(ended.why)))
         commander = self._sessions.commander
         if commander is not None:

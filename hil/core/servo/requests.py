@@ -75,6 +75,12 @@ class RequestHandler:
         """Do what ``request``, which arrived at ``arrived_ns``, asks for; return what became of it."""
         return self._handlers[type(request)](request, arrived_ns, circumstances)
 
+    def replaced_on_the_way(self, motion: int, destinations: int) -> None:
+        """So many destinations, for ``motion`` as far as can be told, were replaced by newer ones before they came."""
+        found = self._executive.applications.find(motion) or self._executive.applications.end_of(motion)
+        if found is not None and found.motion.account is not None:
+            found.motion.account.replaced_on_the_way += destinations
+
     def ready(self, inbox: deque[tuple[int, Request]]) -> Iterator[tuple[int, Request]]:
         """Take what can be done now out of ``inbox``, in its order.
 
@@ -111,9 +117,12 @@ class RequestHandler:
     def _set_destination(self, request: SetDestination, arrived_ns: int, circumstances: Circumstances) -> Answer:
         entry = self._executive.applications.find(request.motion)
         if entry is None:
+            self._account_for_a_late_one(request.motion, arrived_ns)
             return self._gone(request.motion)
-        if entry.motion.kind is MotionKind.PTP:
+        account = entry.motion.account
+        if account is None:
             return Answer(RequestError.ILLEGAL_STATE, Fault("a PTP takes no new destination while it runs"))
+        account.arrived(arrived_ns)
         position: Vector | Fault | None = request.position
         if request.flange_in_base is not None:
             position = entry.motion.axes_of(request.flange_in_base, near_rad=self._executive.set_point.position_rad)
@@ -126,8 +135,15 @@ class RequestHandler:
             )
         if fault is None:
             return _DONE
+        account.refused += 1
         self._fail(entry, fault, circumstances.now_ns)
         return Answer(RequestError.COMMAND_INVALID, fault)
+
+    def _account_for_a_late_one(self, number: int, arrived_ns: int) -> None:
+        ended = self._executive.applications.end_of(number)
+        if ended is not None and ended.motion.account is not None:
+            ended.motion.account.arrived(arrived_ns)
+            ended.motion.account.refused += 1
 
     def _set_parameters(self, request: SetRuntimeParameters, _arrived_ns: int, _: Circumstances) -> Answer:
         entry = self._executive.applications.find(request.motion)

@@ -41,6 +41,8 @@ class Session:
     wants_state: bool = False
     last_request: int = 0
     """Number of the last request put into the inbox."""
+    replaced: int = 0
+    """Requests before it that never came: destinations its program replaced by newer ones; not yet accounted for."""
     inbox: deque[tuple[int, Request]] = field(default_factory=deque)
     """Requests with the time they arrived at; what waits for a pause to end stays here."""
     reports: ReportLog = field(default_factory=ReportLog)
