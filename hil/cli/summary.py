@@ -8,6 +8,8 @@ from rich.table import Table
 
 _LAST_STOPS = 3
 _LAST_CHANGES = 12
+_LAST_MOTIONS = 5
+_SERVO_KINDS = {"SMART_SERVO": "SmartServo", "DIRECT_SERVO": "DirectServo"}
 
 
 def print_summary(status: dict[str, Any]) -> None:
@@ -21,6 +23,8 @@ def print_summary(status: dict[str, Any]) -> None:
     console.print(table)
     for name, robot in robots.items():
         _print_history(console, name, robot)
+    for name, robot in robots.items():
+        _print_set_points(console, name, robot)
     for name, robot in robots.items():
         _print_findings(console, name, robot)
     for name, robot in robots.items():
@@ -126,6 +130,31 @@ def _print_findings(console: Console, name: str, robot: dict[str, Any]) -> None:
         console.print(f"[{colour}]{told}[/{colour}]", soft_wrap=True)
         for number, remedy in enumerate(finding["remedies"], 1):
             console.print(f"  {number}. {escape(remedy)}", soft_wrap=True)
+
+
+def _print_set_points(console: Console, name: str, robot: dict[str, Any]) -> None:
+    """Print what became of the destinations of the last servo motions."""
+    motions = [] if robot["servo"] is None else robot["servo"]["motions"]
+    if not motions:
+        return
+    shown = f", last {_LAST_MOTIONS} motions" if len(motions) > _LAST_MOTIONS else ""
+    columns = ("motion", "sent", "received", "refused", "superseded", "executed", "age", "rate", "stood still")
+    table = Table(*columns, title=f"{escape(name)}: set points{shown}")
+    for motion in motions[-_LAST_MOTIONS:]:
+        age, rate = motion["age_us"]["p50"], motion["executed_per_s"]
+        counts = [str(motion[what]) for what in columns[1:6]]
+        table.add_row(
+            f"{motion['motion']} {_SERVO_KINDS[motion['kind']]}",
+            *counts,
+            "-" if age is None else f"{age / 1e3:.1f} ms",
+            "-" if rate is None else f"{rate:.1f}/s",
+            f"{motion['standstills']}{' times, seconds hand' if motion['seconds_hand'] else ''}",
+        )
+    console.print(table)
+    for motion in motions[-_LAST_MOTIONS:]:
+        if motion["arrival_spacing_ms"]["count"]:
+            spacing = f"{name}: motion {motion['motion']}: arrivals of destinations {motion['arrival_spacing']}"
+            console.print(escape(spacing), soft_wrap=True, highlight=False)
 
 
 def _print_history(console: Console, name: str, robot: dict[str, Any]) -> None:

@@ -27,6 +27,7 @@ The client is an observer with ``role=Role.OBSERVER``. :class:`AsyncServoClient`
 what both are around: datagrams in, datagrams out, no socket and no clock.
 """
 
+from hil.client.servo._set_point_accounting import SetPointAccounting
 from hil.client.servo.asynchronous import (
     AsyncDirectServo,
     AsyncDirectServoRuntime,
@@ -139,6 +140,7 @@ __all__ = [
     "ServoSession",
     "SessionEnded",
     "SessionRefused",
+    "SetPointAccounting",
     "SmartServo",
     "SmartServoRuntime",
     "Snapshot",

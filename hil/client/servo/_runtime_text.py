@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from typing import Final
 
+from hil.client.servo._set_point_accounting import accounting_of
 from hil.client.servo.session import MotionRecord, Update
 from hil.client.servo.statistic_timer import StatisticTimer
 from hil.values.motion import MotionKind
@@ -61,6 +62,7 @@ def _positions(_: MotionRecord, update: Update) -> Iterator[str]:
 
 def _everything_else(record: MotionRecord, update: Update) -> Iterator[str]:
     snapshot, session = update.snapshot, record.session
+    yield f"set points: {accounting_of(update.motion, sent=record.sent)}"
     yield f"measured torque {_numbers(snapshot.measured_torque)} Nm"
     yield f"external torque {_numbers(snapshot.external_torque)} Nm"
     welcome = session.welcome

@@ -13,6 +13,7 @@ from hil.client.servo import _operations as operations
 from hil.client.servo._frames import FrameName
 from hil.client.servo._operations import Operation
 from hil.client.servo._runtime_text import VERBOSITY, describe
+from hil.client.servo._set_point_accounting import SetPointAccounting, accounting_of
 from hil.client.servo.errors import IllegalArgumentException
 from hil.client.servo.motions import control_mode, vector
 from hil.client.servo.session import MotionRecord, Update
@@ -124,6 +125,11 @@ class ServoRuntime:
     def motion_state(self) -> MotionState:
         """The motion as the last update showed it; ours, for its phase and the accounts of its destinations."""
         return self._update.motion
+
+    @property
+    def set_point_accounting(self) -> SetPointAccounting:
+        """What became of the destinations that were set, as of the last update; ours."""
+        return accounting_of(self._update.motion, sent=self._record.sent)
 
     def get_ext_torque_vector(self) -> Vector:
         """Axis torques the environment exerts, in Nm: positive where it pushes an axis towards plus."""

@@ -88,7 +88,7 @@ class Update(NamedTuple):
 class MotionRecord:
     """What is known of one motion of this session."""
 
-    __slots__ = ("ended", "flange_in_moved", "kind", "number", "on_goal", "session", "shown", "taken")
+    __slots__ = ("ended", "flange_in_moved", "kind", "number", "on_goal", "sent", "session", "shown", "taken")
 
     def __init__(self, session: "ServoSession", number: int, kind: MotionKind) -> None:
         self.session = session
@@ -103,6 +103,8 @@ class MotionRecord:
         """Where the flange stands in the frame that the motion moves."""
         self.taken: DestinationTaken | None = None
         """The last destination that the controller took."""
+        self.sent = 0
+        """Destinations the program set."""
 
 
 class DestinationTaken(NamedTuple):
@@ -211,9 +213,12 @@ class ServoSession:
     def ask(self, make: Callable[[int], Request]) -> Pending:
         """Ask the controller for the request that ``make`` returns for its number; see :meth:`RequestBook.add`."""
         pending = self.requests.add(make)
-        if isinstance(pending.request, StartMotion):
-            number = pending.request.number
-            self.motions[number] = MotionRecord(self, number, pending.request.kind)
+        request = pending.request
+        if isinstance(request, StartMotion):
+            record = self.motions[request.number] = MotionRecord(self, request.number, request.kind)
+            record.sent += request.destination is not None or request.flange_in_base is not None
+        elif isinstance(request, SetDestination) and request.motion in self.motions:
+            self.motions[request.motion].sent += 1
         self._due = True
         return pending
 

@@ -16,14 +16,18 @@ near to its destination long before it is there exactly. Not counted are
 """
 
 from collections import deque
+from operator import sub
 from typing import Final, NamedTuple
 
 from hil.core.motion.destination_account import LONGEST_SECTION_NS
 from hil.core.motion.set_point import SetPoint
 from hil.values.robot import Seven
 
-SHORTEST_BRAKING_NS: Final = 5_000_000
-"""In a shorter section only a set point that stands exactly is looked for."""
+SHORTEST_SECTION_NS: Final = 10_000_000
+"""A destination that comes sooner than so long after the section began, to an arm that moves, belongs to it.
+
+So a fast stream, which is the one that has no time to stand, costs next to nothing.
+"""
 STANDS_BELOW: Final = 0.1
 LEAST_WAY_RAD: Final = 1e-6
 """A shorter way is none; no drive hears it."""
@@ -96,7 +100,7 @@ class SecondsHand:
         self._told_standstills = 0
         self._goal_rad: Seven | None = None
         self._began_rad: Seven
-        self._began_ns = 0
+        self._began_ns = -SHORTEST_SECTION_NS
         self._stands_since_ns: int | None = None
         self._history = 0
         """A bit a section, the newest lowest: whether it ended in a standstill."""
@@ -104,24 +108,20 @@ class SecondsHand:
         self._arrivals_ns: deque[int] = deque(maxlen=WINDOW + 1)
         self._standstills: deque[Standstill] = deque(maxlen=WINDOW)
 
-    def next_destination(self, goal_rad: Seven, *, arrived_ns: int, present: SetPoint, now_ns: int) -> None:
-        """The interpolator has a destination from now on; ``present`` is where the set point is before it."""
+    def next_destination(self, goal_rad: Seven, arrived_ns: int, present: SetPoint, now_ns: int) -> None:
+        """The interpolator leaves ``present``, which it had at ``now_ns``, for a destination."""
+        elapsed_ns = now_ns - self._began_ns
+        stands = self._stands_since_ns is not None
+        if elapsed_ns < SHORTEST_SECTION_NS and not stands:
+            return
         before_rad = self._goal_rad
         if before_rad is not None:
-            if goal_rad == before_rad:
+            if goal_rad == before_rad or (stands and _way(present.position_rad, goal_rad)[1] < LEAST_WAY_RAD):
                 return
-            elapsed_ns = now_ns - self._began_ns
-            stands = self._stands_since_ns is not None
-            if stands or elapsed_ns >= SHORTEST_BRAKING_NS:
-                if stands and _way(present.position_rad, goal_rad)[1] < LEAST_WAY_RAD:
-                    return
-                if elapsed_ns > LONGEST_SECTION_NS:
-                    self.begins_anew()
-                else:
-                    self._judge(present, elapsed_ns, now_ns)
+            if elapsed_ns > LONGEST_SECTION_NS:
+                self.begins_anew()
             else:
-                self._history = (self._history << 1) & _WINDOW_BITS
-                self._sections += 1
+                self._judge(present, elapsed_ns, now_ns)
         self._goal_rad = goal_rad
         self._stands_since_ns = None
         self._began_rad = present.position_rad
@@ -136,6 +136,7 @@ class SecondsHand:
     def begins_anew(self) -> None:
         """The stream of destinations is interrupted."""
         self._goal_rad = self._stands_since_ns = None
+        self._began_ns = -SHORTEST_SECTION_NS
         self._history = self._sections = 0
         self._arrivals_ns.clear()
         self._standstills.clear()
@@ -191,6 +192,6 @@ class SecondsHand:
 
 def _way(here: Seven, there: Seven) -> tuple[int, float]:
     """Return which axis goes farthest, and how far."""
-    ways = [abs(one - other) for one, other in zip(there, here, strict=True)]
+    ways = list(map(abs, map(sub, there, here)))
     longest = max(ways)
     return ways.index(longest), longest

@@ -27,11 +27,10 @@ class Spacing:
 
     def add(self, time_ns: int) -> None:
         """Count one time."""
-        if not self.count:
-            self.shortest_ns = self.longest_ns = time_ns
-        elif time_ns > self.longest_ns:
+        # Comparisons, not min() and max(): this may run in every cycle.
+        if time_ns > self.longest_ns:  # noqa: PLR1730
             self.longest_ns = time_ns
-        elif time_ns < self.shortest_ns:
+        if time_ns < self.shortest_ns or not self.count:
             self.shortest_ns = time_ns
         self.count += 1
         self._sum += time_ns
@@ -73,9 +72,9 @@ class DestinationAccount:
 
     __slots__ = (
         "_arrived_ns",
-        "_executed_ns",
-        "_stream_executed",
-        "_stream_ns",
+        "_stream_began_ns",
+        "_streamed_ns",
+        "_streams",
         "ages",
         "refused",
         "replaced_on_the_way",
@@ -90,10 +89,10 @@ class DestinationAccount:
         """Between arrivals of destinations, whether they were taken or refused."""
         self.ages = Histogram()
         """From arrival to the cycle in which the interpolator has it; of those set while the motion ran."""
+        self._streams = 0
+        self._streamed_ns = 0
+        self._stream_began_ns = 0
         self._arrived_ns: int | None = None
-        self._executed_ns: int | None = None
-        self._stream_executed = 0
-        self._stream_ns = 0
 
     def arrived(self, at_ns: int) -> None:
         """A destination arrived."""
@@ -102,18 +101,17 @@ class DestinationAccount:
             self.spacing.add(at_ns - before_ns)
         self._arrived_ns = at_ns
 
-    def executed(self, *, arrived_ns: int, at_ns: int) -> None:
-        """The interpolator has a destination."""
-        self.ages.add(at_ns - arrived_ns)
-        before_ns = self._executed_ns
-        if before_ns is not None and (since_ns := at_ns - before_ns) <= LONGEST_SECTION_NS:
-            self._stream_executed += 1
-            self._stream_ns += since_ns
-        self._executed_ns = at_ns
+    def stream_begins(self, now_ns: int, *, before_ns: int = 0) -> None:
+        """The interpolator has its first destination, or the next one a long time after that of ``before_ns``."""
+        if self._streams:
+            self._streamed_ns += before_ns - self._stream_began_ns
+        self._streams += 1
+        self._stream_began_ns = now_ns
 
-    @property
-    def executed_per_s(self) -> float | None:
-        """Effective rate: destinations executed in a second while they stream; times between them of more than half a
-        second are left out. None of fewer than two.
+    def executed_per_s(self, *, executed: int, executed_at_ns: int) -> float | None:
+        """Return the effective rate: how many destinations the interpolator had in a second while they streamed.
+
+        Times of more than half a second between two of them are left out. None where there were no two.
         """
-        return self._stream_executed / self._stream_ns * 1e9 if self._stream_ns else None
+        streamed_ns = self._streamed_ns + executed_at_ns - self._stream_began_ns
+        return (executed - self._streams) / streamed_ns * 1e9 if executed > self._streams and streamed_ns else None

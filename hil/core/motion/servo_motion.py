@@ -10,7 +10,7 @@ from abc import abstractmethod
 
 from hil.core.diagnosis.seconds_hand import SecondsHand
 from hil.core.motion.application_motion import Accounting, ApplicationMotion, MotionBasis
-from hil.core.motion.destination_account import DestinationAccount
+from hil.core.motion.destination_account import LONGEST_SECTION_NS, DestinationAccount
 from hil.core.motion.destinations import Destination, DestinationLine, destination, not_well_formed
 from hil.core.motion.fine_interpolator import Trigger, next_state
 from hil.core.motion.motion_limits import Checks, bad_execution_time, bad_parameter
@@ -81,9 +81,8 @@ class ServoMotion(ApplicationMotion):
                 return fault
             self.destination, self.destination_at_ns = goal.position_rad, goal.arrived_ns
             self.accounting = self.accounting._replace(executed=1, executed_at_ns=now_ns)
-            self.seconds_hand.next_destination(
-                goal.position_rad, arrived_ns=goal.arrived_ns, present=start, now_ns=now_ns
-            )
+            self.account.stream_begins(now_ns)
+            self.seconds_hand.next_destination(goal.position_rad, goal.arrived_ns, start, now_ns - self.basis.cycle_ns)
         return self._take_over(start, goal, now_ns=now_ns)
 
     def set_destination(
@@ -135,15 +134,17 @@ class ServoMotion(ApplicationMotion):
             due = self._line.due(now_ns=now_ns)
             if due is not None:
                 goal, skipped = due
-                position_rad, _, _, arrived_ns = goal
-                self.account.executed(arrived_ns=arrived_ns, at_ns=started_ns)
+                arrived_ns = goal.arrived_ns
+                self.account.ages.add(started_ns - arrived_ns)
                 self.seconds_hand.next_destination(
-                    position_rad, arrived_ns=arrived_ns, present=self._present, now_ns=now_ns
+                    goal.position_rad, arrived_ns, self._present, now_ns - self.basis.cycle_ns
                 )
                 fault = self._aim(goal)
                 if fault is not None:
                     return fault
-                received, superseded, executed, _ = self.accounting
+                received, superseded, executed, before_ns = self.accounting
+                if started_ns - before_ns > LONGEST_SECTION_NS or not executed:
+                    self.account.stream_begins(started_ns, before_ns=before_ns)
                 self.accounting = new_tuple(Accounting, (received, superseded + skipped, executed + 1, started_ns))
         return self._next(now_ns)
 

@@ -55,7 +55,7 @@ def _report(kept: _Kept) -> dict[str, object]:
     motion = kept.motion
     account, accounting, hand = motion.account, motion.accounting, motion.seconds_hand
     received = accounting.received + account.refused
-    per_s = account.executed_per_s
+    per_s = account.executed_per_s(executed=accounting.executed, executed_at_ns=accounting.executed_at_ns)
     return {
         "motion": kept.number,
         "kind": motion.kind.name,
