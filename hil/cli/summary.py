@@ -138,23 +138,22 @@ def _print_set_points(console: Console, name: str, robot: dict[str, Any]) -> Non
     if not motions:
         return
     shown = f", last {_LAST_MOTIONS} motions" if len(motions) > _LAST_MOTIONS else ""
-    columns = ("motion", "sent", "received", "refused", "superseded", "executed", "age", "rate", "stood still")
+    columns = ("motion", "sent", "re-\nceived", "re-\nfused", "super-\nseded", "exe-\ncuted", "age", "stood\nstill")
     table = Table(*columns, title=f"{escape(name)}: set points{shown}")
     for motion in motions[-_LAST_MOTIONS:]:
-        age, rate = motion["age_us"]["p50"], motion["executed_per_s"]
-        counts = [str(motion[what]) for what in columns[1:6]]
+        age_us = motion["age_us"]["p50"]
         table.add_row(
             f"{motion['motion']} {_SERVO_KINDS[motion['kind']]}",
-            *counts,
-            "-" if age is None else f"{age / 1e3:.1f} ms",
-            "-" if rate is None else f"{rate:.1f}/s",
-            f"{motion['standstills']}{' times, seconds hand' if motion['seconds_hand'] else ''}",
+            *(str(motion[what]) for what in ("sent", "received", "refused", "superseded", "executed")),
+            "-" if age_us is None else f"{age_us / 1e3:.1f} ms",
+            str(motion["standstills"]),
         )
     console.print(table)
     for motion in motions[-_LAST_MOTIONS:]:
-        if motion["arrival_spacing_ms"]["count"]:
-            spacing = f"{name}: motion {motion['motion']}: arrivals of destinations {motion['arrival_spacing']}"
-            console.print(escape(spacing), soft_wrap=True, highlight=False)
+        if (rate := motion["executed_per_s"]) is not None:
+            came = f"destinations came {motion['arrival_spacing']}, {rate:.1f}/s executed"
+            told = f"{name}: motion {motion['motion']}: {came}"
+            console.print(escape(told), soft_wrap=True, highlight=False)
 
 
 def _print_history(console: Console, name: str, robot: dict[str, Any]) -> None:

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from hil.core.diagnosis.seconds_hand import IN_A_ROW, MANY, TELL_AGAIN_NS, WINDOW, SecondsHand
 from hil.core.diagnosis.seconds_hand_finding import minimum_execution_times_s, seconds_hand
@@ -18,7 +20,7 @@ from hil.core.motion.way_time import AxisLimits, acceleration_for, velocity_for,
 from hil.core.settings import ReactionSettings
 from hil.values.finding import Finding, Severity, Whose
 from hil.values.motion import MotionKind, MotionParameters
-from hil.values.operator import PadKey
+from hil.values.operator import PadKey, SetOverride
 from hil.values.servo import SetRuntimeParameters
 from tests.support.interpolation import START, Run, at, basis_of, moved
 from tests.support.servo_virtual import MS, Application, ServoBench, offset
@@ -112,6 +114,40 @@ def test_each_remedy_makes_it_vanish(
     assert (farther is not None) == (kind is SMART)
     if farther is not None:
         assert standstills(parameters, float(farther[1])) == 0
+
+
+def test_irregular_cycles_are_told_what_bridges_the_long_ones() -> None:
+    finding = found(stream(SMART, 6e-4, [60, 11] * WINDOW, FAST))
+    assert finding.figures["application_cycle_mean_ms"] == 35.5
+    assert "(0.090) to (0.120): 1.5 to 2 x 60 ms, the long ones of its irregular cycles" in finding.remedies[0]
+    cured = stream(SMART, 6e-4, [60, 11] * WINDOW, replace(FAST, minimum_execution_time_s=0.09))
+    assert cured.seconds_hand.standstills == 0
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    kind=st.sampled_from(sorted(KINDS)),
+    spacing_ms=st.lists(st.integers(1, 120), min_size=2, max_size=6),
+    step_rad=st.floats(1e-6, 0.004),
+    parameters=st.builds(
+        MotionParameters,
+        joint_velocity_rel=st.floats(0.01, 1.0),
+        joint_acceleration_rel=st.floats(0.01, 1.0),
+        acceleration_override=st.floats(0.1, 20.0),
+        joint_jerk_percent=st.floats(1.0, 1500.0),
+        minimum_execution_time_s=st.floats(0.0, 0.1),
+    ),
+)
+def test_no_advice_is_what_is_set_already(
+    kind: MotionKind, spacing_ms: list[int], step_rad: float, parameters: MotionParameters
+) -> None:
+    motion = stream(kind, step_rad, (spacing_ms * 20)[:24], parameters)
+    if not motion.seconds_hand.due:
+        return
+    finding = seconds_hand(motion, 1)
+    assert finding.figures["minimum_execution_time_low_s"] > parameters.minimum_execution_time_s  # type: ignore[operator]
+    advised = number_after("set_joint_velocity_rel", " ".join(finding.remedies))
+    assert 0.0 < advised < parameters.joint_velocity_rel * 1.01
 
 
 def number_after(name: str, text: str) -> float:
@@ -278,16 +314,16 @@ def test_the_controller_tells_it_live_and_reports_it() -> None:
     told = [text for text in bench.told() if "seconds hand effect" in text]
     assert len(told) == 1
     assert "what helps: give a destination more time" in told[0]
-    findings = bench.controller.report()["findings"]
-    assert isinstance(findings, list)
-    assert [one["subject"] for one in findings] == ["SMART_SERVO of test"]
     application.ask(lambda number: SetRuntimeParameters(number, motion, minimum_execution_time_s=0.032))
     before = stood(bench)
     set_steps(application, motion, 12)
     assert stood(bench) <= before + 1, "the motion had one more destination of the old time"
-    application.stop(motion)
-    [shown] = bench.controller.report()["servo"]["motions"]  # type: ignore[index]
-    assert shown["seconds_hand"]
+    application.goodbye()
+    bench.run(0.1)
+    findings = bench.controller.report()["findings"]
+    assert isinstance(findings, list)
+    assert [(one["subject"], one["count"]) for one in findings] == [("SMART_SERVO of test", 2)]
+    assert findings[0]["figures"]["standstills"] == stood(bench)
 
 
 def stood(bench: ServoBench) -> int:
@@ -316,3 +352,16 @@ def test_memory_is_bounded() -> None:
         hand.next_destination(moved(position, A1=1e-3), 20 * MS * number, SetPoint(position, STILL), 20 * MS * number)
     assert len(hand._arrivals_ns) == WINDOW + 1
     assert len(hand._standstills) == WINDOW
+
+
+def test_an_override_of_nothing_is_none() -> None:
+    bench = ServoBench()
+    application, motion = application_with(FAST, 4, bench=bench)
+    before = stood(bench)
+    for _ in range(8):
+        bench.controller.operate(SetOverride(0.0), now_ns=bench.now_ns)
+        set_steps(application, motion, 5)
+        bench.controller.operate(SetOverride(100.0), now_ns=bench.now_ns)
+        set_steps(application, motion, 1)
+    assert stood(bench) <= before + 4
+    assert bench.controller.report()["findings"] == []

@@ -156,8 +156,11 @@ def test_a_ptp_has_no_account_and_the_last_servo_motions_are_remembered() -> Non
 @given(st.lists(st.integers(0, 10**10), max_size=50))
 def test_the_spacing_is_the_statistic_of_the_manual(times_ns: list[int]) -> None:
     spacing, timer = Spacing(), StatisticTimer()
+    at_ns = 10**15
+    spacing.event(at_ns)
     for time_ns in times_ns:
-        spacing.add(time_ns)
+        at_ns += time_ns
+        spacing.event(at_ns)
         timer.add(time_ns / 1e6)
     assert spacing.mean_ns / 1e6 == pytest.approx(timer.mean_ms)
     assert spacing.standard_deviation_ns / 1e6 == pytest.approx(timer.standard_deviation_ms, abs=1e-6)

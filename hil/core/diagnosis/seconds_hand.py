@@ -12,7 +12,7 @@ near to its destination long before it is there exactly. Not counted are
 - a destination that is where the arm stands, or the same once more: the application wants it to stand;
 - a section of more than :data:`LONGEST_SECTION_NS`: destinations half a second apart are points to go to, not a stream
   (the slowest stream the manual knows, 11.1, is 100 to 200 ms). It ends the stream, and counting begins anew. So does a
-  pause.
+  pause, and an override of 0.
 """
 
 from collections import deque
@@ -24,9 +24,9 @@ from hil.core.motion.set_point import SetPoint
 from hil.values.robot import Seven
 
 SHORTEST_SECTION_NS: Final = 10_000_000
-"""A destination that comes sooner than so long after the section began, to an arm that moves, belongs to it.
+"""Until so long after a section began nothing is judged, unless the set point stands exactly.
 
-So a fast stream, which is the one that has no time to stand, costs next to nothing.
+So a fast stream, which has no time to stand, costs next to nothing.
 """
 STANDS_BELOW: Final = 0.1
 LEAST_WAY_RAD: Final = 1e-6
@@ -36,6 +36,8 @@ WINDOW: Final = 20
 MANY: Final = 10
 """So many standstills among them are the effect; and so are :data:`IN_A_ROW` of the last."""
 IN_A_ROW: Final = 5
+IRREGULAR: Final = 1.25
+"""Sections that end in standstills, so many times as long as the mean time between destinations: they are irregular."""
 TELL_AGAIN_NS: Final = 5_000_000_000
 _WINDOW_BITS: Final = (1 << WINDOW) - 1
 _ROW_BITS: Final = (1 << IN_A_ROW) - 1
@@ -69,6 +71,15 @@ class Pattern(NamedTuple):
     way_rad: float
     """Mean way of the axis that goes farthest, in these sections."""
 
+    @property
+    def cycle_ms(self) -> float:
+        """The time between destinations that has to be bridged: the mean, where they come at regular intervals.
+
+        Where they do not, the arm stands in the long ones, and these count.
+        """
+        bridged_ms = self.way_ms + self.stood_ms
+        return bridged_ms if bridged_ms > IRREGULAR * self.spacing_mean_ms else self.spacing_mean_ms
+
 
 class SecondsHand:
     """Watches the destinations of one motion; in bounded memory."""
@@ -85,6 +96,7 @@ class SecondsHand:
         "_told_ns",
         "_told_standstills",
         "due",
+        "looks_from_ns",
         "recognised",
         "standstills",
     )
@@ -96,11 +108,13 @@ class SecondsHand:
         """Whether it was the seconds hand effect at any time."""
         self.due = False
         """Whether it is to be told."""
+        self.looks_from_ns = 0
+        """When a destination is looked at again; an attribute, because a motion may ask for it in every cycle."""
         self._told_ns: int | None = None
         self._told_standstills = 0
         self._goal_rad: Seven | None = None
         self._began_rad: Seven
-        self._began_ns = -SHORTEST_SECTION_NS
+        self._began_ns = 0
         self._stands_since_ns: int | None = None
         self._history = 0
         """A bit a section, the newest lowest: whether it ended in a standstill."""
@@ -109,11 +123,12 @@ class SecondsHand:
         self._standstills: deque[Standstill] = deque(maxlen=WINDOW)
 
     def next_destination(self, goal_rad: Seven, arrived_ns: int, present: SetPoint, now_ns: int) -> None:
-        """The interpolator leaves ``present``, which it had at ``now_ns``, for a destination."""
+        """The interpolator leaves ``present``, which it had at ``now_ns``, for a destination.
+
+        Need not be called before :attr:`looks_from_ns`.
+        """
         elapsed_ns = now_ns - self._began_ns
         stands = self._stands_since_ns is not None
-        if elapsed_ns < SHORTEST_SECTION_NS and not stands:
-            return
         before_rad = self._goal_rad
         if before_rad is not None:
             if goal_rad == before_rad or (stands and _way(present.position_rad, goal_rad)[1] < LEAST_WAY_RAD):
@@ -126,18 +141,21 @@ class SecondsHand:
         self._stands_since_ns = None
         self._began_rad = present.position_rad
         self._began_ns = now_ns
+        self.looks_from_ns = now_ns + SHORTEST_SECTION_NS
         self._arrivals_ns.append(arrived_ns)
 
     def stands(self, now_ns: int) -> None:
         """The set point stands at the destination."""
         if self._stands_since_ns is None:
             self._stands_since_ns = now_ns
+            self.looks_from_ns = 0
 
     def begins_anew(self) -> None:
         """The stream of destinations is interrupted."""
         self._goal_rad = self._stands_since_ns = None
-        self._began_ns = -SHORTEST_SECTION_NS
+        self.looks_from_ns = 0
         self._history = self._sections = 0
+        self.due = False
         self._arrivals_ns.clear()
         self._standstills.clear()
 

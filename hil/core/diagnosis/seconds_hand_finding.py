@@ -40,7 +40,7 @@ def seconds_hand(motion: ServoMotion, number: int) -> Finding:
         f"motion {number} ({_NAMES[motion.kind]}): the arm stood still before {found.standstills} of the last "
         f"{found.sections} destinations (seconds hand effect): {reached}: {cause}"
     )
-    low_s, high_s = minimum_execution_times_s(found.spacing_mean_ms)
+    low_s, high_s = minimum_execution_times_s(found.cycle_ms)
     stood = f"the last ones {found.stood_ms:.1f} ms long"
     way = f"{math.degrees(found.way_rad):.4g} degrees a destination"
     received = motion.accounting.received + account.refused
@@ -77,7 +77,7 @@ def minimum_execution_times_s(spacing_ms: float) -> tuple[float, float]:
 
 
 def _smart_servo_remedies(motion: ServoMotion, found: Pattern) -> tuple[str, ...]:
-    axis, way_rad, spacing_s = found.axis, found.way_rad, found.spacing_mean_ms / 1e3
+    axis, way_rad, spacing_s = found.axis, found.way_rad, found.cycle_ms / 1e3
     limits = smart_servo_limits(motion.basis, motion.parameters)
     of_axis = AxisLimits(limits.velocity_rad_s[axis], limits.acceleration_rad_s2[axis], limits.jerk_rad_s3[axis])
     time_s = LEAST_SHARE * spacing_s
@@ -104,7 +104,7 @@ def _smart_servo_remedies(motion: ServoMotion, found: Pattern) -> tuple[str, ...
 
 def _direct_servo_remedies(motion: ServoMotion, found: Pattern) -> tuple[str, ...]:
     """Larger sections are not among them: its filter takes nearly as long for any way of less than 5 degrees."""
-    axis, way_rad, spacing_s = found.axis, found.way_rad, found.spacing_mean_ms / 1e3
+    axis, way_rad, spacing_s = found.axis, found.way_rad, found.cycle_ms / 1e3
     fastest = direct_servo_limits(motion.basis, motion.parameters).velocity_rad_s[axis]
     velocity_rel = motion.parameters.joint_velocity_rel * min(way_rad / spacing_s, fastest) / fastest
     other = (
@@ -119,14 +119,16 @@ def _direct_servo_remedies(motion: ServoMotion, found: Pattern) -> tuple[str, ..
 
 
 def _more_time(motion: ServoMotion, found: Pattern) -> str:
-    low_s, high_s = minimum_execution_times_s(found.spacing_mean_ms)
+    low_s, high_s = minimum_execution_times_s(found.cycle_ms)
+    regular = found.cycle_ms == found.spacing_mean_ms
+    what = "the cycle time of the application" if regular else "the long ones of its irregular cycles"
     advice = (
         f"give a destination more time: set_minimum_trajectory_execution_time({low_s:.3f}) to ({high_s:.3f}): "
-        f"{LEAST_SHARE:g} to {MOST_SHARE:g} x {found.spacing_mean_ms:.3g} ms, the cycle time of the application "
+        f"{LEAST_SHARE:g} to {MOST_SHARE:g} x {found.cycle_ms:.3g} ms, {what} "
         f"(now {motion.parameters.minimum_execution_time_s:.3f})"
     )
     if found.spacing_max_ms > 1e3 * high_s:
-        advice += f"; its longest cycle, {found.spacing_max_ms:.1f} ms, needs as much, or must become shorter"
+        advice += f"; its longest, {found.spacing_max_ms:.1f} ms, needs as much, or must become shorter"
     return advice
 
 

@@ -16,7 +16,7 @@ LONGEST_SECTION_NS: Final = 500_000_000
 class Spacing:
     """Times between events in ns: number, shortest, mean, longest, standard deviation. Exact, in bounded memory."""
 
-    __slots__ = ("_squares", "_sum", "count", "longest_ns", "shortest_ns")
+    __slots__ = ("_last_ns", "_squares", "_sum", "count", "longest_ns", "shortest_ns")
 
     def __init__(self) -> None:
         self.count = 0
@@ -24,9 +24,14 @@ class Spacing:
         self.longest_ns = 0
         self._sum = 0
         self._squares = 0
+        self._last_ns: int | None = None
 
-    def add(self, time_ns: int) -> None:
-        """Count one time."""
+    def event(self, at_ns: int) -> None:
+        """Something happened; count the time since it happened last."""
+        last_ns, self._last_ns = self._last_ns, at_ns
+        if last_ns is None:
+            return
+        time_ns = at_ns - last_ns
         # Comparisons, not min() and max(): this may run in every cycle.
         if time_ns > self.longest_ns:  # noqa: PLR1730
             self.longest_ns = time_ns
@@ -71,7 +76,6 @@ class DestinationAccount:
     """The account of one motion; times are core times in ns."""
 
     __slots__ = (
-        "_arrived_ns",
         "_stream_began_ns",
         "_streamed_ns",
         "_streams",
@@ -86,20 +90,12 @@ class DestinationAccount:
         """Asked for by the application, but replaced by a newer one before they came here."""
         self.refused = 0
         self.spacing = Spacing()
-        """Between arrivals of destinations, whether they were taken or refused."""
+        """Of the arrivals of destinations, whether they were taken or refused."""
         self.ages = Histogram()
         """From arrival to the cycle in which the interpolator has it; of those set while the motion ran."""
         self._streams = 0
         self._streamed_ns = 0
         self._stream_began_ns = 0
-        self._arrived_ns: int | None = None
-
-    def arrived(self, at_ns: int) -> None:
-        """A destination arrived."""
-        before_ns = self._arrived_ns
-        if before_ns is not None:
-            self.spacing.add(at_ns - before_ns)
-        self._arrived_ns = at_ns
 
     def stream_begins(self, now_ns: int, *, before_ns: int = 0) -> None:
         """The interpolator has its first destination, or the next one a long time after that of ``before_ns``."""

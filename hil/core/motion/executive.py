@@ -102,6 +102,9 @@ class MotionExecutive:
 
     def set_override(self, share: float) -> None:
         """Let motions of applications run at ``share`` (0..1) of their velocity from now on."""
+        active = self.applications.active
+        if 0.0 in {share, self.override} and active is not None and active.motion.seconds_hand is not None:
+            active.motion.seconds_hand.begins_anew()
         self.override = share
         if not self.paused:
             self._aim(share)

@@ -136,9 +136,10 @@ class ServoMotion(ApplicationMotion):
                 goal, skipped = due
                 arrived_ns = goal.arrived_ns
                 self.account.ages.add(started_ns - arrived_ns)
-                self.seconds_hand.next_destination(
-                    goal.position_rad, arrived_ns, self._present, now_ns - self.basis.cycle_ns
-                )
+                if now_ns > self.seconds_hand.looks_from_ns:
+                    self.seconds_hand.next_destination(
+                        goal.position_rad, arrived_ns, self._present, now_ns - self.basis.cycle_ns
+                    )
                 fault = self._aim(goal)
                 if fault is not None:
                     return fault

@@ -109,6 +109,8 @@ class ServoLink:
         self._leaving: list[Session] = []
         """Sessions whose states leave with this cycle."""
         self._goals_told: dict[int, int] = {}
+        self._moves = ""
+        """What has the arm, and whose it is: the kind of the last motion that began, the name of its application."""
         self._measured_rad: Seven = executive.set_point.position_rad
         self.counters = PacketCounters(SERVO_DROPS)
         self.sessions_begun = 0
@@ -342,14 +344,14 @@ class ServoLink:
     def _diagnose(self, number: int, motion: ApplicationMotion, now_ns: int) -> None:
         if not isinstance(motion, ServoMotion):
             return
-        commander = self._sessions.commander
-        name = "" if commander is None else commander.name
-        finding = seconds_hand(motion, number)
-        self._findings.add(finding, subject=f"{motion.kind.name} of {name or 'an application'}", now_ns=now_ns)
+        self._findings.add(seconds_hand(motion, number), subject=self._moves, now_ns=now_ns)
         motion.seconds_hand.told(now_ns)
 
     def _motion_began(self, entry: Entry, now_ns: int) -> None:
         self._set_points.began(entry, self.commander, now_ns=now_ns)
+        commander = self._sessions.commander
+        name = "" if commander is None else commander.name
+        self._moves = f"{entry.motion.kind.name} of {name or 'an application'}"
         self._emit(MotionBegan(now_ns, entry.number, entry.motion.kind))
 
     def _motion_ended(self, ended: EndedMotion) -> None:

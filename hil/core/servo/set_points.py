@@ -12,18 +12,28 @@ anything: ages count from the arrival.
 from collections import deque
 from dataclasses import dataclass
 
+from hil.core.diagnosis.seconds_hand import SecondsHand
+from hil.core.motion.application_motion import Accounting
+from hil.core.motion.destination_account import DestinationAccount
 from hil.core.motion.queue import EndedMotion, Entry
 from hil.core.motion.servo_motion import ServoMotion
+from hil.values.motion import MotionKind
 
 REMEMBERED_MOTIONS = 32
 
 
 @dataclass(slots=True)
 class _Kept:
+    """What is remembered of a motion; the motion itself only as long as it runs, because it is large."""
+
     number: int
-    motion: ServoMotion
+    kind: MotionKind
+    account: DestinationAccount
+    hand: SecondsHand
+    motion: ServoMotion | None
     application: str
     began_ns: int
+    accounting: Accounting
     ended_ns: int | None = None
     end: str = ""
 
@@ -36,14 +46,26 @@ class SetPointBook:
 
     def began(self, entry: Entry, application: str, *, now_ns: int) -> None:
         """A motion has the arm now."""
-        if isinstance(entry.motion, ServoMotion):
-            self._kept.append(_Kept(entry.number, entry.motion, application, now_ns))
+        motion = entry.motion
+        if isinstance(motion, ServoMotion):
+            kept = _Kept(
+                entry.number,
+                motion.kind,
+                motion.account,
+                motion.seconds_hand,
+                motion,
+                application,
+                now_ns,
+                motion.accounting,
+            )
+            self._kept.append(kept)
 
     def ended(self, ended: EndedMotion) -> None:
         """A motion is over."""
         if not self._kept or self._kept[-1].motion is not ended.motion:
             return
         kept = self._kept[-1]
+        kept.motion, kept.accounting = None, ended.motion.accounting
         kept.ended_ns, kept.end = ended.at_ns, f"{ended.end.name}: {ended.why}"
 
     def report(self) -> list[dict[str, object]]:
@@ -52,13 +74,14 @@ class SetPointBook:
 
 
 def _report(kept: _Kept) -> dict[str, object]:
-    motion = kept.motion
-    account, accounting, hand = motion.account, motion.accounting, motion.seconds_hand
-    received = accounting.received + account.refused
-    per_s = account.executed_per_s(executed=accounting.executed, executed_at_ns=accounting.executed_at_ns)
+    account, hand = kept.account, kept.hand
+    accounting = kept.accounting if kept.motion is None else kept.motion.accounting
+    taken, superseded, executed, executed_at_ns = accounting
+    received = taken + account.refused
+    per_s = account.executed_per_s(executed=executed, executed_at_ns=executed_at_ns)
     return {
         "motion": kept.number,
-        "kind": motion.kind.name,
+        "kind": kept.kind.name,
         "application": kept.application,
         "began_s": round(kept.began_ns / 1e9, 6),
         "ended_s": None if kept.ended_ns is None else round(kept.ended_ns / 1e9, 6),
@@ -66,11 +89,11 @@ def _report(kept: _Kept) -> dict[str, object]:
         "sent": received + account.replaced_on_the_way,
         "replaced_on_the_way": account.replaced_on_the_way,
         "received": received,
-        "accepted": accounting.received,
+        "accepted": taken,
         "refused": account.refused,
-        "superseded": accounting.superseded,
-        "executed": accounting.executed,
-        "waiting": accounting.received - accounting.superseded - accounting.executed,
+        "superseded": superseded,
+        "executed": executed,
+        "waiting": taken - superseded - executed,
         "age_us": account.ages.summary_us(),
         "executed_per_s": None if per_s is None else round(per_s, 3),
         "arrival_spacing": str(account.spacing),
