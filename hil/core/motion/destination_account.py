@@ -11,6 +11,8 @@ from hil.values.time_statistic import time_statistic
 
 LONGEST_SECTION_NS: Final = 500_000_000
 """Destinations farther apart are points to go to, not a stream."""
+BATCH: Final = 32
+"""Times that are counted together: one after the other they cost half as much as each in its own cycle."""
 
 
 class Spacing:
@@ -76,26 +78,54 @@ class DestinationAccount:
     """The account of one motion; times are core times in ns."""
 
     __slots__ = (
+        "_ages",
+        "_ages_ns",
+        "_arrivals_ns",
+        "_spacing",
         "_stream_began_ns",
         "_streamed_ns",
         "_streams",
-        "ages",
         "refused",
         "replaced_on_the_way",
-        "spacing",
     )
 
     def __init__(self) -> None:
         self.replaced_on_the_way = 0
         """Asked for by the application, but replaced by a newer one before they came here."""
         self.refused = 0
-        self.spacing = Spacing()
-        """Of the arrivals of destinations, whether they were taken or refused."""
-        self.ages = Histogram()
-        """From arrival to the cycle in which the interpolator has it; of those set while the motion ran."""
+        self._spacing = Spacing()
+        self._ages = Histogram()
+        self._arrivals_ns: list[int] = []
+        self._ages_ns: list[int] = []
         self._streams = 0
         self._streamed_ns = 0
         self._stream_began_ns = 0
+
+    def arrived(self, at_ns: int) -> None:
+        """A destination arrived, to be taken or refused."""
+        arrivals_ns = self._arrivals_ns
+        arrivals_ns.append(at_ns)
+        if len(arrivals_ns) >= BATCH:
+            self._count()
+
+    def executed(self, *, age_ns: int) -> None:
+        """The interpolator has a destination that was set while the motion ran, so long after its arrival."""
+        ages_ns = self._ages_ns
+        ages_ns.append(age_ns)
+        if len(ages_ns) >= BATCH:
+            self._count()
+
+    @property
+    def spacing(self) -> Spacing:
+        """Of the arrivals of destinations."""
+        self._count()
+        return self._spacing
+
+    @property
+    def ages(self) -> Histogram:
+        """From the arrival of a destination to the cycle in which the interpolator has it, ns."""
+        self._count()
+        return self._ages
 
     def stream_begins(self, now_ns: int, *, before_ns: int = 0) -> None:
         """The interpolator has its first destination, or the next one a long time after that of ``before_ns``."""
@@ -111,3 +141,11 @@ class DestinationAccount:
         """
         streamed_ns = self._streamed_ns + executed_at_ns - self._stream_began_ns
         return (executed - self._streams) / streamed_ns * 1e9 if executed > self._streams and streamed_ns else None
+
+    def _count(self) -> None:
+        for at_ns in self._arrivals_ns:
+            self._spacing.event(at_ns)
+        for age_ns in self._ages_ns:
+            self._ages.add(age_ns)
+        self._arrivals_ns.clear()
+        self._ages_ns.clear()

@@ -135,7 +135,7 @@ class ServoMotion(ApplicationMotion):
             if due is not None:
                 goal, skipped = due
                 arrived_ns = goal.arrived_ns
-                self.account.ages.add(started_ns - arrived_ns)
+                self.account.executed(age_ns=started_ns - arrived_ns)
                 if now_ns > self.seconds_hand.looks_from_ns:
                     self.seconds_hand.next_destination(
                         goal.position_rad, arrived_ns, self._present, now_ns - self.basis.cycle_ns

@@ -122,7 +122,7 @@ class RequestHandler:
         account = entry.motion.account
         if account is None:
             return Answer(RequestError.ILLEGAL_STATE, Fault("a PTP takes no new destination while it runs"))
-        account.spacing.event(arrived_ns)
+        account.arrived(arrived_ns)
         position: Vector | Fault | None = request.position
         if request.flange_in_base is not None:
             position = entry.motion.axes_of(request.flange_in_base, near_rad=self._executive.set_point.position_rad)
@@ -142,7 +142,7 @@ class RequestHandler:
     def _account_for_a_late_one(self, number: int, arrived_ns: int) -> None:
         ended = self._executive.applications.end_of(number)
         if ended is not None and ended.motion.account is not None:
-            ended.motion.account.spacing.event(arrived_ns)
+            ended.motion.account.arrived(arrived_ns)
             ended.motion.account.refused += 1
 
     def _set_parameters(self, request: SetRuntimeParameters, _arrived_ns: int, _: Circumstances) -> Answer:
