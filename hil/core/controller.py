@@ -12,6 +12,7 @@ from functools import partial
 from hil.core.control.load_validation import LoadValidation
 from hil.core.control.stage import ControlStage
 from hil.core.diagnosis.findings import FindingLog
+from hil.core.diagnosis.oscillation_watch import OscillationWatch
 from hil.core.events import ArmResting, ArmStopped, Event, InputSet
 from hil.core.fri.link import FriLink
 from hil.core.fri.messages import MessageBuilder
@@ -32,6 +33,7 @@ from hil.core.signals import SignalTable
 from hil.values.arm import Backend
 from hil.values.control import ControlSetup
 from hil.values.errors import ConfigurationError, IllegalTransition
+from hil.values.fri import OverlayKind
 from hil.values.fri_messages import ControllerCodec
 from hil.values.link import Outgoing, Source
 from hil.values.motion import Fault
@@ -45,6 +47,7 @@ __all__ = ["FRI_LINK", "Controller", "operator_report"]
 FRI_LINK = "fri"
 _SHUTS_DOWN = Fault("the controller shuts down")
 MAX_EVENTS = 10_000
+_POSITION_OVERLAYS = frozenset({OverlayKind.JOINT_POSITION, OverlayKind.CARTESIAN_POSE})
 
 
 class Controller:
@@ -73,6 +76,11 @@ class Controller:
             limits=description.limits,
             cycle_s=settings.cycle_ns * 1e-9,
             hold_control=ControlSetup(load=settings.load),
+        )
+        self._oscillation = OscillationWatch(
+            self._motion,
+            self._findings,
+            positions_laid_over=settings.fri is not None and settings.fri.overlay in _POSITION_OVERLAYS,
         )
         self._control = ControlStage(
             model.dynamics(settings.load), sensor_sigma_nm=backend.capabilities.torque_sigma_nm
@@ -342,6 +350,7 @@ class Controller:
             if fri is not None and fri.commanding:
                 barred = "the FRI client commands the arm: end its overlay first, or run the controller without one"
             servo.progress(arm=self._arm, now_ns=now_ns, started_ns=started_ns, barred=barred)
+        self._oscillation.look(self._arm.position_rad, now_ns=now_ns)
 
     def _interpolate(self, now_ns: int, started_ns: int) -> None:
         proposed = self._propose(now_ns, started_ns)

@@ -84,6 +84,11 @@ class MotionExecutive:
         return self._motion.tracking_performance if isinstance(self._motion, JointOverlay) else 0.0
 
     @property
+    def overlay_target_rad(self) -> Seven | None:
+        """The last position the overlay was given, None without an overlay."""
+        return self._motion.target if isinstance(self._motion, JointOverlay) else None
+
+    @property
     def at_rest(self) -> bool:
         """True while the arm holds its position and no motion is about to begin."""
         return self.phase is Phase.HOLDING and not self.applications

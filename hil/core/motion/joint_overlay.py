@@ -24,7 +24,8 @@ class JointOverlay:
         self._step_limit = [limit * cycle_s for limit in limits.velocity_rad_s]
         self._short_step = min(self._step_limit) * _ROUNDING
         self._cycles_per_target = cycles_per_target
-        self._target = start.position_rad
+        self.target = start.position_rad
+        """The last position asked for, rad."""
         self._cycles_left = 0
         self.tracking_performance = 1.0
 
@@ -35,7 +36,7 @@ class JointOverlay:
 
     def retarget(self, target: Seven) -> None:
         """Go to ``target`` (rad), from where the set point is now, within one receive period."""
-        self._target = target
+        self.target = target
         self._cycles_left = self._cycles_per_target
 
     def interpolate(self) -> SetPoint:
@@ -44,7 +45,7 @@ class JointOverlay:
             self.tracking_performance = 1.0
             return SetPoint(self._position, STILL)
         # The step that keeps the schedule.
-        step = list(map(sub, self._target, self._position))
+        step = list(map(sub, self.target, self._position))
         cycles_left, rate = self._cycles_left, self._rate
         if cycles_left != 1:
             scale = 1.0 / cycles_left
@@ -55,7 +56,7 @@ class JointOverlay:
         self.tracking_performance = slowed
         if slowed == 1.0:
             self._cycles_left = cycles_left = cycles_left - 1
-            self._position = tuple(map(add, self._position, step)) if cycles_left else self._target
+            self._position = tuple(map(add, self._position, step)) if cycles_left else self.target
         else:
             step = [part * slowed for part in step]
             self._cycles_left = max(1, cycles_left - 1)
