@@ -41,7 +41,7 @@ class Motion(StrEnum):
     SMART_SERVO = "smart-servo"
 
     def make(self) -> SmartServo | DirectServo:
-        """Return a motion that goes as fast as it may."""
+        """Return a motion that is quick; SmartServo with the parameters of the manual's step responses (7.12)."""
         if self is Motion.DIRECT_SERVO:
             return DirectServo().set_minimum_trajectory_execution_time(0.0)
         return (
@@ -224,7 +224,9 @@ def main(  # noqa: PLR0917  # typer makes the options of the parameters; nobody 
     axis: Annotated[int, typer.Option(min=1, max=7, help="Axis that turns the camera.")] = 1,
     target: Annotated[float, typer.Option(min=-2.0, max=2.0, metavar="DEG", help="Where the target is.")] = 0.1,
     limit: Annotated[float, typer.Option(min=0.1, max=2.4, metavar="DEG", help="End beyond this.")] = 2.4,
-    motion: Annotated[Motion, typer.Option(help="What carries the destinations.")] = Motion.DIRECT_SERVO,
+    motion: Annotated[
+        Motion, typer.Option(help="What carries the destinations; direct-servo takes all the torque of the drives.")
+    ] = Motion.SMART_SERVO,
     plot: Annotated[Path | None, typer.Option(metavar="FILE.png", help="Draw target, command, motion.")] = None,
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the figures.")] = None,
 ) -> None:

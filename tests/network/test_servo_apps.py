@@ -329,3 +329,25 @@ def test_the_interaction_samples_give_way_by_force_over_stiffness(name: str, tmp
     assert picture.read_bytes().startswith(PNG)
     assert without_tool.code == 2
     assert "Validation of Torque Model failed: the load of 0 kg that was told" in without_tool.err
+
+
+def test_an_unstable_visual_servoing_ends_itself_and_the_controller_says_why(tmp_path: Path) -> None:
+    picture, figures = tmp_path / "loop.png", tmp_path / "figures.json"
+    with servo_controller() as controller:
+        options = ("--gain", 1.5, "--target", 0.08, "--seconds", 10, "--plot", picture, "--json", figures)
+        ended = finish(application("visual_servoing", "--controller", controller.address, *options))
+    assert ended.code == 0, ended.err
+    stopped = "stopped: the loop is unstable with the gain 1.5, where below 1 is stable (manual 7.11): "
+    assert ended.out.splitlines()[-1].startswith(stopped), ended.out
+    assert picture.read_bytes().startswith(PNG)
+    found = json.loads(figures.read_text())
+    assert found["stopped"] is True
+    assert found["growth"] == pytest.approx(2.25, rel=0.25)
+    assert controller.ended is not None
+    sentence = (
+        r"arm: A1 oscillates at \d\.\d+ Hz and grows by \d\.\d\d a period: the application's loop is unstable "
+        r"\(feedback effect, manual 7\.11\); its gain is about 1\.\d\d where below 1 is stable"
+    )
+    assert re.search(sentence + "; what helps: in the application: check the control law", controller.ended.err)
+    assert re.search(sentence, controller.ended.out)
+    assert "2. lower the program override, now 100 %" in controller.ended.out

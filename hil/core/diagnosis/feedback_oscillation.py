@@ -17,8 +17,8 @@ What it cannot tell apart: on a swing that neither grows nor decays, "the destin
 a period later" and "the measured position follows the destination" are the same numbers. So a sustained swing counts as
 feedback only where it was seen to grow before; else both readings have to be told. A program that on purpose makes a
 fast swing (above about half a hertz) grow by a constant factor looks like an unstable loop, and is called one; one that
-adds to it by constant steps is not. Not seen are a loop whose own dead time is more than about 17 times that of the arm,
-swings below 0.2 mrad, a gain of less than about 1.05, and growth so fast that it is over in four swings.
+adds to it by constant steps is not. Not seen are a loop whose dead time is more than about 17 times that of the arm,
+swings below 0.2 mrad, a gain of less than about 1.05, and growth that is over in four swings or 0.1 s.
 
 Everything here is told times; what it keeps is bounded. Turns are looked for in batches, because most cycles have none.
 """
