@@ -18,7 +18,8 @@ a period later" and "the measured position follows the destination" are the same
 feedback only where it was seen to grow before; else both readings have to be told. A program that on purpose makes a
 fast swing (above about half a hertz) grow by a constant factor looks like an unstable loop, and is called one; one that
 adds to it by constant steps is not. Not seen are a loop whose dead time is more than about 17 times that of the arm,
-swings below 0.2 mrad, a gain of less than about 1.05, and growth that is over in four swings or 0.1 s.
+swings below 0.2 mrad, a gain of less than about 1.05, and growth that is over in four swings or 0.1 s. A swing above
+100 Hz has another frequency than is told.
 
 Everything here is told times; what it keeps is bounded. Turns are looked for in batches, because most cycles have none.
 """
@@ -33,6 +34,8 @@ from typing import Final, NamedTuple
 from hil.core.diagnosis.turning_points import MOST_ROWS, Turn, TurningPoints
 from hil.values.robot import JOINT_COUNT, Seven
 
+SAMPLE_NS: Final = 3_000_000
+"""Destinations that come sooner after one another are not all looked at."""
 BATCH_NS: Final = 100_000_000
 FORGET_AFTER_NS: Final = 2_000_000_000
 """After so long without a destination nothing before it counts."""
@@ -112,11 +115,14 @@ class FeedbackOscillation:
     def __init__(self) -> None:
         self._axes = [_Axis() for _ in range(JOINT_COUNT)]
         self._batch: list[tuple[int, Seven, Seven]] = []
-        self._last_ns = 0
+        self._last_ns = -SAMPLE_NS
 
     def take(self, destination: Seven, measured: Seven, *, now_ns: int) -> tuple[Oscillation, ...]:
         """Take a destination, rad, and the positions measured when it arrived; return what was recognised with it."""
-        if now_ns - self._last_ns > FORGET_AFTER_NS:
+        since_ns = now_ns - self._last_ns
+        if since_ns < SAMPLE_NS:
+            return ()
+        if since_ns > FORGET_AFTER_NS:
             self.forget()
         self._last_ns = now_ns
         batch = self._batch
