@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from hil.core.diagnosis.feedback_oscillation import FeedbackOscillation, Oscillation
+from hil.core.diagnosis.feedback_oscillation import SAMPLE_NS, FeedbackOscillation, Oscillation
 from hil.core.diagnosis.findings import FindingLog
 from hil.core.diagnosis.oscillation_words import name_of, oscillation_finding
 from hil.core.motion.application_motion import ApplicationMotion
@@ -30,11 +30,14 @@ class OscillationWatch:
         self._known: Seven | None = None
         """The last destination, which is another object when the same is sent again."""
         self._of: object = None
+        self._not_before_ns = 0
         self._told_ns = [_NEVER_NS] * JOINT_COUNT
         self._told_growing = [False] * JOINT_COUNT
 
     def look(self, measured_rad: Seven, *, now_ns: int) -> None:
         """Once a cycle, when what arrived was taken: look at a new destination."""
+        if now_ns < self._not_before_ns:
+            return
         motion = self._motion
         phase = motion.phase
         if phase is _OVERLAY:
@@ -54,7 +57,7 @@ class OscillationWatch:
         else:
             self._of = None
             return
-        self._known = destination
+        self._known, self._not_before_ns = destination, now_ns + SAMPLE_NS
         if carrier is not self._of:
             self._of = carrier
             self._detector.forget()
