@@ -201,7 +201,8 @@ def _plot(run: Run, loop: Loop, title: str, picture: Path) -> None:
     motion.axhline(loop.target_deg, color="#4f8a5b", linewidth=1.2, label="target")
     motion.step(run.at_s, run.commanded_deg, where="post", color="#7aa6d1", linewidth=1.4, label="commanded")
     motion.plot(run.at_s, run.measured_deg, color="#12304f", marker=".", linewidth=1.0, label="measured")
-    for edge in (-loop.limit_deg, loop.limit_deg):
+    # Beside a swing that settles the limits would leave nothing to be seen.
+    for edge in (-loop.limit_deg, loop.limit_deg) if run.stopped else ():
         motion.axhline(edge, color="#8a3324", linewidth=0.8, linestyle="--")
     motion.set_ylabel(f"A{loop.axis} from the start pose,\ndegrees")
     motion.legend(frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))

@@ -103,13 +103,8 @@ def _remedies(seen: Oscillation, motion: ApplicationMotion | None, *, override: 
         remedies.append(
             f"answer sooner: the loop takes {seen.half_period_ms:.0f} ms, {_behind_ms(seen):.0f} ms of them the arm"
         )
-    elif motion.kind is MotionKind.SMART_SERVO:
-        had = motion.parameters
-        remedies.append(
-            f"or make the arm quicker: raise override_joint_acceleration (now {had.acceleration_override:g}, at most "
-            f"{ACCELERATION_OVERRIDE.high:g}) and set_joint_jerk (now {had.joint_jerk_percent:g} %, at most "
-            f"{JOINT_JERK.high:g} %)"
-        )
+    elif quicker := _quicker(motion):
+        remedies.append(f"or make the arm quicker: raise {quicker}")
     return tuple(remedies)
 
 
@@ -122,3 +117,17 @@ def _slower(motion: ApplicationMotion) -> str:
         f"lower the maximum velocity and acceleration ({velocity}; "
         f"set_joint_acceleration_rel, now {had.joint_acceleration_rel:g})"
     )
+
+
+def _quicker(motion: ApplicationMotion) -> str:
+    if motion.kind is not MotionKind.SMART_SERVO:
+        return ""
+    had = motion.parameters
+    room = []
+    if had.acceleration_override < ACCELERATION_OVERRIDE.high:
+        room.append(
+            f"override_joint_acceleration, now {had.acceleration_override:g}, at most {ACCELERATION_OVERRIDE.high:g}"
+        )
+    if had.joint_jerk_percent < JOINT_JERK.high:
+        room.append(f"set_joint_jerk, now {had.joint_jerk_percent:g} %, at most {JOINT_JERK.high:g} %")
+    return "; ".join(room)
