@@ -79,8 +79,9 @@ def _evidence(seen: Oscillation, axis: str, amplitude_deg: float, with_it: Seque
         f"each swing {seen.gain:.2f} times the one before; amplitude now {amplitude_deg:.2g} degrees"
     )
     lag = (
-        f"the measured position is {_behind_ms(seen):.0f} ms ({seen.lag_deg:.0f} degrees of the period) behind; "
-        f"in a loop of gain and dead time half a period, {seen.half_period_ms:.0f} ms, is the whole delay"
+        f"the measured position is {_behind_ms(seen):.0f} ms ({seen.lag_deg:.0f} degrees of the period) behind, "
+        "as seen when destinations arrive; in a loop of gain and dead time half a period, "
+        f"{seen.half_period_ms:.0f} ms, is the whole delay"
     )
     others = (f"{', '.join(JOINT_NAMES[other] for other in with_it)} swing with it",) if with_it else ()
     return swings, lag, *others
@@ -101,7 +102,8 @@ def _remedies(seen: Oscillation, motion: ApplicationMotion | None, *, override: 
         remedies.append("make the arm more compliant: change spring stiffness and damping of the impedance control")
     if motion is None:
         remedies.append(
-            f"answer sooner: the loop takes {seen.half_period_ms:.0f} ms, {_behind_ms(seen):.0f} ms of them the arm"
+            f"answer sooner: the loop takes {seen.half_period_ms:.0f} ms, about {_behind_ms(seen):.0f} ms of them "
+            "the arm"
         )
     elif quicker := _quicker(motion):
         remedies.append(f"or make the arm quicker: raise {quicker}")
