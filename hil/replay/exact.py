@@ -34,8 +34,8 @@ from transport.servo import ServoCodec
 
 _MAX_KEPT_INPUTS = 64
 _MAX_SOURCES = 1024
-_LAST_NS = 1 << 62
-"""146 years: the core is not told of a later time, nor of one so long before the run."""
+_LAST_NS = 1 << 61
+"""73 years: the core is not told of a later time, nor of one so long before the run."""
 
 
 class Sink(Protocol):

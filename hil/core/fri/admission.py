@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 from hil.core.fri.sequence import SequenceTracker
 from hil.values.errors import MalformedDatagram
+from hil.values.fri import Release
 from hil.values.fri_messages import CommandMessage, ControllerCodec
 from hil.values.link import Address
 from hil.values.outcomes import Outcome
@@ -33,6 +34,8 @@ class Dropped(NamedTuple):
 
     outcome: Outcome
     detail: str
+    looks_like: Release | None = None
+    """The release that the client seems to speak, where that is why."""
 
 
 class Admission:
@@ -51,7 +54,7 @@ class Admission:
         try:
             message = self._codec.decode_command(datagram)
         except MalformedDatagram as error:
-            return Dropped(error.outcome, error.detail)
+            return Dropped(error.outcome, error.detail, error.looks_like)
         tracker, counter, reflected = self._tracker, message[0], message[1]
         age_ns = tracker.fresh_age_ns(reflected, now_ns=now_ns)
         if age_ns is None:
