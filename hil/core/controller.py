@@ -218,6 +218,11 @@ class Controller:
         return self._servo
 
     @property
+    def findings(self) -> FindingLog:
+        """What was diagnosed, to be looked at."""
+        return self._findings
+
+    @property
     def signals(self) -> SignalTable:
         """Inputs and outputs, to be looked at."""
         return self._signals

@@ -135,6 +135,10 @@ class ExactReplay:
         for robot in self._robots:
             robot.parts.backend.close()
 
+    def controllers(self) -> list[tuple[str, Controller]]:
+        """Return the fresh controllers by the name of their robot, to be looked at when the recording is over."""
+        return [(robot.start.name, robot.controller) for robot in self._robots]
+
     def packet(self, packet: Packet) -> None:
         """Take a datagram: hand it to the core it was sent to, or compare it with what the core said."""
         route = self._routes.get(packet.destination)

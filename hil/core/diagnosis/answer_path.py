@@ -16,7 +16,8 @@ from hil.core.statistics import FINE_SHIFT, CycleHistogram, Histogram
 
 REMEMBERED: Final = 256
 """Messages whose due time is remembered, as the sequence tracker remembers when they left."""
-WORST: Final = 10
+WORST: Final = 20
+"""Slowest answers that are kept."""
 _LATE_CYCLES: Final = 1000
 PARTS: Final = ("send_lateness", "peer_and_wire", "wait", "use_lateness")
 

@@ -27,8 +27,14 @@ _REMEMBERED: Final = 1024
 _WAITING: Final = 8
 _ANSWER_WAIT_NS: Final = 100_000_000
 """A fall by a missing answer is told when that has come after all, or after this time."""
+_LOST_REMEDIES: Final = (
+    "look at what the client's process did then: it ended, was stopped in a debugger, or waited for something",
+    "look at the network between, if it is another machine",
+    "a longer watchdog (watchdog_ms in the station file) only hides a pause of that length",
+)
 _MIXED_SHARE: Final = 0.9
-_FACTOR: Final = {Quality.GOOD: 0.99, Quality.FAIR: 0.95, Quality.POOR: 0.75}
+_NEEDED: Final = {Quality.GOOD: 99, Quality.FAIR: 95, Quality.POOR: 75}
+"""Answers in time of 100, for the level above."""
 
 
 class Sides(NamedTuple):
@@ -37,6 +43,8 @@ class Sides(NamedTuple):
     controller: str = "this controller"
     other: str = "peer or wire"
     other_whose: Whose = Whose.PEER_OR_WIRE
+    moment: str = "cycle"
+    """What is counted where things happen."""
     controller_remedy: str = (
         "let this process have the machine: hil run --realtime, less load beside it, or a longer send period"
     )
@@ -55,7 +63,10 @@ class _Bad:
     whose: Whose
     age_ns: int | None = None
     """How long it took after all; None while it is missing."""
+    overtaken: bool = False
+    """It came in time, but behind the answer to a later message."""
     unread: bool = False
+    """It came in time, and was read too late."""
 
 
 @dataclass(slots=True)
@@ -94,8 +105,8 @@ class ConnectionDiagnosis:
         self._add = add
         self._sides = sides or Sides()
         self._bad: deque[_Bad] = deque(maxlen=_REMEMBERED)
-        self._came_late: deque[tuple[int, int]] = deque(maxlen=16)
-        """Late answers whose window is not over yet: the message, the answer's age."""
+        self._came_late: deque[tuple[int, int, bool]] = deque(maxlen=16)
+        """Answers that do not count, whose window is not over yet: message, age, whether it was overtaken."""
         self._falls: deque[_Fall] = deque(maxlen=_WAITING)
         self.tell_at_ns: int | None = None
         """When :meth:`tell` has something to say; None while nothing waits."""
@@ -110,21 +121,21 @@ class ConnectionDiagnosis:
         bad = _Bad(counter, departed_ns, now_ns, lateness_ns, own_ns, self._whose(own_ns, None))
         self._bad.append(bad)
         self.missing[bad.whose] += 1
-        for reflected, age_ns in self._came_late:
+        for reflected, age_ns, overtaken in self._came_late:
             if self._is_of(bad, reflected):
-                self._came_after_all(bad, age_ns)
+                self._came_after_all(bad, age_ns, overtaken=overtaken)
                 break
 
-    def uncounted(self, reflected: int, *, age_ns: int, now_ns: int) -> None:
-        """An answer came that the quality does not count: too late, or read too late, or one more than needed."""
+    def uncounted(self, reflected: int, *, age_ns: int, now_ns: int, overtaken: bool = False) -> None:
+        """An answer came that the quality does not count: too late, read too late, overtaken, or not needed."""
         for bad in reversed(self._bad):
             if now_ns - bad.judged_ns > WINDOW_NS:
                 break
             if bad.age_ns is None and self._is_of(bad, reflected):
-                self._came_after_all(bad, age_ns)
+                self._came_after_all(bad, age_ns, overtaken=overtaken)
                 return
-        if age_ns > self._budget_ns:
-            self._came_late.append((reflected, age_ns))
+        if overtaken or age_ns > self._budget_ns:
+            self._came_late.append((reflected, age_ns, overtaken))
 
     def fell(self, old: Quality, new: Quality, *, now_ns: int, commanding: bool) -> None:
         """The quality fell."""
@@ -144,6 +155,28 @@ class ConnectionDiagnosis:
             self.tell_at_ns = min(one.tell_at_ns for one in self._falls)
         else:
             self._tell_fall(fall, now_ns)
+
+    def recorded_fall(self, old: Quality, new: Quality, message: int, *, now_ns: int, commanding: bool) -> None:
+        """The controller told in ``message`` that the quality fell; by what rule it judged is not known."""
+        recent = [one for one in self._bad if now_ns - one.judged_ns <= WINDOW_NS]
+        if recent:
+            self._tell_fall(
+                _Fall(old, new, message, now_ns, recent[-1], commanding, self._counts(now_ns), now_ns), now_ns
+            )
+            return
+        self._add(
+            Finding(
+                QUALITY_FELL,
+                Severity.FAULT if commanding and new < Quality.GOOD else Severity.WARNING,
+                Whose.PEER_OR_WIRE if self._sides.other_whose is Whose.PEER_OR_WIRE else Whose.WIRE,
+                f"quality {old.name} -> {new.name} at {self._sides.moment} {message}, though every answer of the second "
+                f"before passed the place of the capture in time: the wire between there and {self._sides.controller}, "
+                f"or {self._sides.controller} itself",
+                figures={"message": message, "at_s": now_ns / 1e9},
+            ),
+            new.name,
+            now_ns,
+        )
 
     def lost(
         self, *, in_a_row: int, silent_ns: int, watchdog_ns: int, heard: tuple[int, int] | None, now_ns: int
@@ -168,7 +201,7 @@ class ConnectionDiagnosis:
                 f"client lost at cycle {self._path.cycle}: {in_a_row} answers in a row are missing, "
                 f"{_ms(silent_ns)} of silence where the watchdog allows {_ms(watchdog_ns)}; {last}"
                 f"{self._verdict(whose)}: {own}",
-                remedies=self._remedies(whose),
+                remedies=_LOST_REMEDIES if whose is self._sides.other_whose else self._remedies(whose),
                 figures={
                     "cycle": self._path.cycle,
                     "missing_in_a_row": in_a_row,
@@ -182,19 +215,19 @@ class ConnectionDiagnosis:
             now_ns,
         )
 
-    def skipped(self, messages: int, lateness_ns: int, *, now_ns: int) -> None:
-        """Cycles were missed, and so ``messages`` were never sent."""
-        sides = self._sides
+    def skipped(self, messages: int, missed_ns: int, *, now_ns: int) -> None:
+        """No cycle ran for ``missed_ns``, in which ``messages`` would have been sent."""
+        sides, cycle = self._sides, self._path.cycle
+        count = f"{messages} messages were" if messages > 1 else "1 message was"
         self._add(
             Finding(
                 MESSAGES_SKIPPED,
                 Severity.NOTE,
                 Whose.CONTROLLER,
-                f"{messages} message{'s were' if messages > 1 else ' was'} not sent before cycle "
-                f"{self._path.cycle}, which began {_amount(lateness_ns)} late: {sides.controller} was held up, the "
-                f"peer is not to blame for what it did not get",
+                f"{count} not sent: no cycle ran for {_ms(missed_ns)} before cycle {cycle}; {sides.controller} was "
+                f"held up, and the peer is not to blame for what it did not get",
                 remedies=(sides.controller_remedy,),
-                figures={"messages": messages, "cycle": self._path.cycle, "lateness_ms": lateness_ns / 1e6},
+                figures={"messages": messages, "cycle": cycle, "missed_ms": missed_ns / 1e6},
             ),
             "",
             now_ns,
@@ -220,10 +253,15 @@ class ConnectionDiagnosis:
     def _is_of(self, bad: _Bad, reflected: int) -> bool:
         return (reflected - bad.counter) % SEQUENCE_MODULUS < self._multiplier
 
-    def _came_after_all(self, bad: _Bad, age_ns: int) -> None:
+    def _came_after_all(self, bad: _Bad, age_ns: int, *, overtaken: bool) -> None:
         self.missing[bad.whose] -= 1
-        bad.age_ns, bad.unread = age_ns, age_ns <= self._budget_ns
-        bad.whose = Whose.CONTROLLER if bad.unread else self._whose(bad.own_ns, age_ns)
+        bad.age_ns = age_ns
+        if age_ns > self._budget_ns:
+            bad.whose = self._whose(bad.own_ns, age_ns)
+        elif overtaken:
+            bad.whose, bad.overtaken = Whose.PEER_OR_WIRE, True
+        else:
+            bad.whose, bad.unread = Whose.CONTROLLER, True
         self.late[bad.whose] += 1
         if self._falls:
             self.tell_at_ns = bad.judged_ns
@@ -270,10 +308,10 @@ class ConnectionDiagnosis:
                 QUALITY_FELL,
                 Severity.NOTE if fall.new is Quality.GOOD else Severity.FAULT if fall.commanding else Severity.WARNING,
                 self._outward(whose),
-                f"quality {fall.old.name} -> {fall.new.name} at cycle {fall.cycle}{ended}: {self._story(bad)}; "
+                f"quality {fall.old.name} -> {fall.new.name} at {self._sides.moment} {fall.cycle}{ended}: {self._story(bad)}; "
                 f"{self._verdict(whose)}",
                 evidence=(
-                    f"{fall.counts}; {fall.old.name} needs {_FACTOR.get(fall.new, 0.99):.0%} in time",
+                    f"{fall.counts}; {Quality(fall.new + 1).name} needs {_NEEDED[fall.new]} % in time",
                     *self._split(bad),
                 ),
                 remedies=self._remedies(whose),
@@ -301,7 +339,7 @@ class ConnectionDiagnosis:
                 QUALITY_FELL,
                 Severity.NOTE,
                 self._outward(whose),
-                f"quality {old.name} -> {new.name} at cycle {cycle}: message {counter} {left}, its answer took "
+                f"quality {old.name} -> {new.name} at {self._sides.moment} {cycle}: message {counter} {left}, its answer took "
                 f"{_ms(age_ns)}, {half}, {often}; {self._verdict(whose)}",
                 remedies=self._remedies(whose),
                 figures={
@@ -326,10 +364,13 @@ class ConnectionDiagnosis:
         else:
             who = f"message {bad.counter} {left}"
         if bad.age_ns is None:
-            return f"{who}, no answer came in the {allowed} allowed, nor until now {self._median()}"
+            return f"{who}, no answer to {'them' if self._multiplier > 1 else 'it'} came {self._median(allowed)}"
+        took = _ms(bad.age_ns)
         if bad.unread:
-            return f"{who}, its answer came in time, after {_ms(bad.age_ns)}, and was read after the {allowed} allowed"
-        return f"{who}, its answer took {_ms(bad.age_ns)} of the {allowed} allowed {self._median()}"
+            return f"{who}, its answer came in time, after {took}, and was read after the {allowed} allowed"
+        if bad.overtaken:
+            return f"{who}, its answer came after {took}, but behind the answer to a later message"
+        return f"{who}, its answer took {took} of the {allowed} allowed {self._median()}"
 
     def _left(self, lateness_ns: int, own_ns: int) -> str:
         late = 4 * lateness_ns >= self._budget_ns
@@ -347,7 +388,7 @@ class ConnectionDiagnosis:
                 f"peer and wire: {_ms(bad.age_ns)} from there to the kernel's stamp{more} "
                 f"(send period {self._period_ms} ms x receive multiplier {self._multiplier})"
             )
-        lines.append(f"own cycles meanwhile: the latest began {_amount(bad.own_ns)} late")
+        lines.append(f"own lateness meanwhile, of the message and of cycles: at most {_amount(bad.own_ns)}")
         skip_ns = self._path.last_skip_ns
         if skip_ns is not None and 0 <= bad.judged_ns - skip_ns <= WINDOW_NS:
             lines.append(f"messages were skipped in the second before, {self._path.skipped} in all so far")
@@ -366,9 +407,11 @@ class ConnectionDiagnosis:
             "own_lateness_us": bad.own_ns / 1e3,
         }
 
-    def _median(self) -> str:
+    def _median(self, allowed: str = "") -> str:
         median_ns = self._path.peer_and_wire.quantile(0.5)
-        return "(none came before)" if median_ns is None else f"(median {_ms(median_ns)})"
+        words = [] if median_ns is None else [f"median {median_ns / 1e6:.2g} ms"]
+        words += [f"{allowed} are allowed"] if allowed else []
+        return f"({', '.join(words)})" if words else "(the first answer)"
 
     def _remedies(self, whose: Whose) -> tuple[str, ...]:
         mine, yours = (

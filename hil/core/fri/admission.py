@@ -36,6 +36,8 @@ class Dropped(NamedTuple):
     detail: str
     looks_like: Release | None = None
     """The release that the client seems to speak, where that is why."""
+    overtaken: tuple[int, int] | None = None
+    """The message that a reordered answer is to, and its age then in nanoseconds."""
 
 
 class Admission:
@@ -58,8 +60,8 @@ class Admission:
         tracker, counter, reflected = self._tracker, message[0], message[1]
         age_ns = tracker.fresh_age_ns(reflected, now_ns=now_ns)
         if age_ns is None:
-            outcome, _, detail = tracker.judge(reflected, now_ns=now_ns)
-            return Dropped(outcome, detail)
+            outcome, age_ns, detail = tracker.judge(reflected, now_ns=now_ns)
+            return Dropped(outcome, detail, None, (reflected, age_ns) if outcome is Outcome.REORDERED else None)
         before = tracker.client_counter
         restarted_from = before if tracker.answered(reflected, counter) else None
         if age_ns <= self._budget_ns:

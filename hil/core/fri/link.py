@@ -151,6 +151,10 @@ class FriLink:
             self._drop(admitted.outcome, admitted.detail, now_ns)
             if admitted.looks_like is not None:
                 self._note_release(admitted.looks_like, admitted.detail, now_ns)
+            elif admitted.overtaken is not None:
+                reflected, age_ns = admitted.overtaken
+                self.diagnosis.uncounted(reflected, age_ns=age_ns, now_ns=now_ns, overtaken=True)
+                self.path.arrived.append((now_ns, age_ns, reflected))
             return
         message, age_ns, outcome, detail, restarted_from = admitted
         reflected = message.reflected_sequence_counter
@@ -176,7 +180,7 @@ class FriLink:
         """
         self.path.began(now_ns, started_ns)
         if now_ns - self._now_ns > self._cycle_ns:
-            self._note_missed_cycles(now_ns, started_ns)
+            self._note_missed_cycles(now_ns)
         self._expected.expire(now_ns=started_ns)
         self._now_ns = now_ns
         tell_at_ns = self.diagnosis.tell_at_ns
@@ -322,13 +326,13 @@ class FriLink:
         configured = self._codec.release
         self._find(undecodable_client(looks_like, configured, peer=str(self._settings.peer), detail=detail), "", now_ns)
 
-    def _note_missed_cycles(self, now_ns: int, started_ns: int) -> None:
+    def _note_missed_cycles(self, now_ns: int) -> None:
         # Messages go by cycles: what would have left in the missed ones leaves later, and so does all that follows.
         missed_ns = now_ns - self._now_ns - self._cycle_ns
         messages = missed_ns // (self._cycles_per_message * self._cycle_ns)
         if messages and self.log.state is not _IDLE:
             self.path.skip(messages, now_ns=now_ns)
-            self.diagnosis.skipped(messages, started_ns - now_ns, now_ns=now_ns)
+            self.diagnosis.skipped(messages, missed_ns, now_ns=now_ns)
 
     def _find(self, finding: Finding, subject: str, now_ns: int) -> None:
         self._findings.add(finding, subject=subject, now_ns=now_ns)
