@@ -115,6 +115,8 @@ class ConnectionDiagnosis:
 
     def missed(self, counter: int, departed_ns: int, now_ns: int) -> None:
         """No answer came in time to the messages from ``counter`` on, the last of which left at ``departed_ns``."""
+        if not self._meter.ever_answered:
+            return  # the client was not started yet
         due_ns = self._path.due_ns((counter + self._multiplier - 1) % SEQUENCE_MODULUS)
         lateness_ns = 0 if due_ns is None else departed_ns - due_ns
         own_ns = max(lateness_ns, self._path.lateness_between(departed_ns, now_ns))
@@ -169,7 +171,7 @@ class ConnectionDiagnosis:
                 QUALITY_FELL,
                 Severity.FAULT if commanding and new < Quality.GOOD else Severity.WARNING,
                 Whose.PEER_OR_WIRE if self._sides.other_whose is Whose.PEER_OR_WIRE else Whose.WIRE,
-                f"quality {old.name} -> {new.name} at {self._sides.moment} {message}, though every answer of the second "
+                f"{self._drop(old, new, message)}, though every answer of the second "
                 f"before passed the place of the capture in time: the wire between there and {self._sides.controller}, "
                 f"or {self._sides.controller} itself",
                 figures={"message": message, "at_s": now_ns / 1e9},
@@ -243,7 +245,7 @@ class ConnectionDiagnosis:
 
     def report(self) -> dict[str, object]:
         """Return late and missing answers by whose fault, for the status file."""
-        names = {Whose.CONTROLLER: "this_controller", Whose.PEER_OR_WIRE: "peer_or_wire", Whose.BOTH: "both"}
+        names = {Whose.CONTROLLER: "controller", Whose.PEER_OR_WIRE: "peer_or_wire", Whose.BOTH: "both"}
         return {
             "late": {names[whose]: count for whose, count in self.late.items()},
             "missing": {names[whose]: count for whose, count in self.missing.items()},
@@ -291,6 +293,9 @@ class ConnectionDiagnosis:
     def _name(self, whose: Whose) -> str:
         return {Whose.CONTROLLER: self._sides.controller, Whose.BOTH: "both"}.get(whose, self._sides.other)
 
+    def _drop(self, old: Quality, new: Quality, place: int) -> str:
+        return f"quality {old.name} -> {new.name} at {self._sides.moment} {place}"
+
     def _verdict(self, whose: Whose) -> str:
         sides = self._sides
         if whose is Whose.CONTROLLER:
@@ -308,8 +313,7 @@ class ConnectionDiagnosis:
                 QUALITY_FELL,
                 Severity.NOTE if fall.new is Quality.GOOD else Severity.FAULT if fall.commanding else Severity.WARNING,
                 self._outward(whose),
-                f"quality {fall.old.name} -> {fall.new.name} at {self._sides.moment} {fall.cycle}{ended}: {self._story(bad)}; "
-                f"{self._verdict(whose)}",
+                f"{self._drop(fall.old, fall.new, fall.cycle)}{ended}: {self._story(bad)}; {self._verdict(whose)}",
                 evidence=(
                     f"{fall.counts}; {Quality(fall.new + 1).name} needs {_NEEDED[fall.new]} % in time",
                     *self._split(bad),
@@ -339,7 +343,7 @@ class ConnectionDiagnosis:
                 QUALITY_FELL,
                 Severity.NOTE,
                 self._outward(whose),
-                f"quality {old.name} -> {new.name} at {self._sides.moment} {cycle}: message {counter} {left}, its answer took "
+                f"{self._drop(old, new, cycle)}: message {counter} {left}, its answer took "
                 f"{_ms(age_ns)}, {half}, {often}; {self._verdict(whose)}",
                 remedies=self._remedies(whose),
                 figures={

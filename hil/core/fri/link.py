@@ -134,6 +134,11 @@ class FriLink:
         return self._meter.quality
 
     @property
+    def budget_ns(self) -> int:
+        """Time a client has for its answer."""
+        return self._budget_ns
+
+    @property
     def answer_latency(self) -> Histogram:
         """Of all answers, from the message's departure to the kernel's stamp, those too late included."""
         return self.path.peer_and_wire
@@ -318,7 +323,7 @@ class FriLink:
         self._release_doubted = True
         self._emit(ReleaseDoubted(now_ns, self._codec.release, echoes_positions=echoes))
         # A client that only sets outputs answers without positions too, whatever its release.
-        if echoes or message.command is None:
+        if echoes or not (message.command or self._outputs.any):
             found = doubted_client(self._codec.release, peer=str(self._settings.peer), echoes_positions=echoes)
             self._find(found, "", now_ns)
 
