@@ -87,9 +87,8 @@ class CycleHistogram:
     def whole(self) -> Histogram:
         """Return all that was counted until now; fine values at the upper edge of their bucket, the maximum too."""
         whole = Histogram()
-        for bucket, count in enumerate(self.fine):
-            if count:
-                whole.add(((bucket + 1) << FINE_SHIFT) - 1, count)
+        for bucket in [bucket for bucket, count in enumerate(self.fine) if count]:
+            whole.add(((bucket + 1) << FINE_SHIFT) - 1, self.fine[bucket])
         whole.add_all(self._long)
         return whole
 

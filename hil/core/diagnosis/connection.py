@@ -16,6 +16,7 @@ from typing import Final, NamedTuple
 
 from hil.core.diagnosis.answer_path import AnswerPath
 from hil.core.fri.quality import WINDOW_NS, QualityMeter
+from hil.core.statistics import Histogram
 from hil.values.finding import Figure, Finding, Severity, Whose
 from hil.values.fri import SEQUENCE_MODULUS, Quality
 
@@ -27,11 +28,11 @@ _REMEMBERED: Final = 1024
 _WAITING: Final = 8
 _ANSWER_WAIT_NS: Final = 100_000_000
 """A fall by a missing answer is told when that has come after all, or after this time."""
-_LOST_REMEDIES: Final = (
+_GONE_REMEDIES: Final = (
     "look at what the client's process did then: it ended, was stopped in a debugger, or waited for something",
     "look at the network between, if it is another machine",
-    "a longer watchdog (watchdog_ms in the station file) only hides a pause of that length",
 )
+_WATCHDOG_REMEDY: Final = "a longer watchdog (watchdog_ms in the station file) only hides a pause of that length"
 _MIXED_SHARE: Final = 0.9
 _NEEDED: Final = {Quality.GOOD: 99, Quality.FAIR: 95, Quality.POOR: 75}
 """Answers in time of 100, for the level above."""
@@ -151,18 +152,13 @@ class ConnectionDiagnosis:
         if bad is None:
             return
         fall = _Fall(old, new, cycle, now_ns, bad, commanding, self._counts(now_ns), now_ns)
-        if bad.age_ns is None:
-            fall.tell_at_ns = now_ns + max(_ANSWER_WAIT_NS, 4 * self._budget_ns)
-            self._falls.append(fall)
-            self.tell_at_ns = min(one.tell_at_ns for one in self._falls)
-        else:
-            self._tell_fall(fall, now_ns)
+        self._tell_or_wait(fall, now_ns)
 
     def recorded_fall(self, old: Quality, new: Quality, message: int, *, now_ns: int, commanding: bool) -> None:
         """The controller told in ``message`` that the quality fell; by what rule it judged is not known."""
         recent = [one for one in self._bad if now_ns - one.judged_ns <= WINDOW_NS]
         if recent:
-            self._tell_fall(
+            self._tell_or_wait(
                 _Fall(old, new, message, now_ns, recent[-1], commanding, self._counts(now_ns), now_ns), now_ns
             )
             return
@@ -203,7 +199,9 @@ class ConnectionDiagnosis:
                 f"client lost at cycle {self._path.cycle}: {in_a_row} answers in a row are missing, "
                 f"{_ms(silent_ns)} of silence where the watchdog allows {_ms(watchdog_ns)}; {last}"
                 f"{self._verdict(whose)}: {own}",
-                remedies=_LOST_REMEDIES if whose is self._sides.other_whose else self._remedies(whose),
+                remedies=(*_GONE_REMEDIES, _WATCHDOG_REMEDY)
+                if whose is self._sides.other_whose
+                else self._remedies(whose, self._path.peer_and_wire),
                 figures={
                     "cycle": self._path.cycle,
                     "missing_in_a_row": in_a_row,
@@ -251,6 +249,14 @@ class ConnectionDiagnosis:
             "missing": {names[whose]: count for whose, count in self.missing.items()},
             "messages_skipped": self._path.skipped,
         }
+
+    def _tell_or_wait(self, fall: _Fall, now_ns: int) -> None:
+        if fall.bad.age_ns is None:
+            fall.tell_at_ns = now_ns + max(_ANSWER_WAIT_NS, 4 * self._budget_ns)
+            self._falls.append(fall)
+            self.tell_at_ns = min(one.tell_at_ns for one in self._falls)
+        else:
+            self._tell_fall(fall, now_ns)
 
     def _is_of(self, bad: _Bad, reflected: int) -> bool:
         return (reflected - bad.counter) % SEQUENCE_MODULUS < self._multiplier
@@ -305,20 +311,22 @@ class ConnectionDiagnosis:
         return f"{sides.other}, not {sides.controller}"
 
     def _tell_fall(self, fall: _Fall, now_ns: int) -> None:
-        bad = fall.bad
+        bad, latency = fall.bad, self._path.peer_and_wire
         whose = self._whose_in_window(bad.whose, fall.at_ns)
+        gone = bad.age_ns is None and whose is Whose.PEER_OR_WIRE
         ended = ", which ends the overlay" if fall.commanding and fall.new < Quality.GOOD else ""
         self._add(
             Finding(
                 QUALITY_FELL,
                 Severity.NOTE if fall.new is Quality.GOOD else Severity.FAULT if fall.commanding else Severity.WARNING,
                 self._outward(whose),
-                f"{self._drop(fall.old, fall.new, fall.cycle)}{ended}: {self._story(bad)}; {self._verdict(whose)}",
+                f"{self._drop(fall.old, fall.new, fall.cycle)}{ended}: {self._story(bad, latency)}; "
+                f"{self._verdict(whose)}",
                 evidence=(
                     f"{fall.counts}; {Quality(fall.new + 1).name} needs {_NEEDED[fall.new]} % in time",
                     *self._split(bad),
                 ),
-                remedies=self._remedies(whose),
+                remedies=_GONE_REMEDIES if gone else self._remedies(whose, latency),
                 figures=self._figures(fall),
             ),
             fall.new.name,
@@ -330,13 +338,14 @@ class ConnectionDiagnosis:
 
     def _tell_slow(self, old: Quality, new: Quality, slow: tuple[int, int, int], cycle: int, now_ns: int) -> None:
         received_ns, age_ns, counter = slow
+        latency = self._path.peer_and_wire
         departed_ns = received_ns - age_ns
         due_ns = self._path.due_ns(counter)
         lateness_ns = 0 if due_ns is None else departed_ns - due_ns
         own_ns = max(lateness_ns, self._path.lateness_between(departed_ns, received_ns))
         whose = self._whose(own_ns, age_ns)
         meter, left = self._meter, self._left(lateness_ns, own_ns)
-        half = f"in time, but half of the {_ms(self._budget_ns)} allowed or more {self._median()}"
+        half = f"in time, but half of the {_ms(self._budget_ns)} allowed or more {_median(latency)}"
         often = f"as {meter.slow_count} of {meter.answered_count} did in the last second where {old.name} allows 5 %"
         self._add(
             Finding(
@@ -345,7 +354,7 @@ class ConnectionDiagnosis:
                 self._outward(whose),
                 f"{self._drop(old, new, cycle)}: message {counter} {left}, its answer took "
                 f"{_ms(age_ns)}, {half}, {often}; {self._verdict(whose)}",
-                remedies=self._remedies(whose),
+                remedies=self._remedies(whose, latency),
                 figures={
                     "cycle": cycle,
                     "message": counter,
@@ -359,7 +368,7 @@ class ConnectionDiagnosis:
             now_ns,
         )
 
-    def _story(self, bad: _Bad) -> str:
+    def _story(self, bad: _Bad, latency: Histogram) -> str:
         left = self._left(bad.send_lateness_ns, bad.own_ns)
         allowed = _ms(self._budget_ns)
         if self._multiplier > 1:
@@ -368,13 +377,13 @@ class ConnectionDiagnosis:
         else:
             who = f"message {bad.counter} {left}"
         if bad.age_ns is None:
-            return f"{who}, no answer to {'them' if self._multiplier > 1 else 'it'} came {self._median(allowed)}"
+            return f"{who}, no answer to {'them' if self._multiplier > 1 else 'it'} came {_median(latency, allowed)}"
         took = _ms(bad.age_ns)
         if bad.unread:
             return f"{who}, its answer came in time, after {took}, and was read after the {allowed} allowed"
         if bad.overtaken:
             return f"{who}, its answer came after {took}, but behind the answer to a later message"
-        return f"{who}, its answer took {took} of the {allowed} allowed {self._median()}"
+        return f"{who}, its answer took {took} of the {allowed} allowed {_median(latency)}"
 
     def _left(self, lateness_ns: int, own_ns: int) -> str:
         late = 4 * lateness_ns >= self._budget_ns
@@ -384,15 +393,17 @@ class ConnectionDiagnosis:
         return text
 
     def _split(self, bad: _Bad) -> tuple[str, ...]:
-        lines = [f"our send: {_signed(bad.send_lateness_ns)} after the message was due"]
+        lines = [f"send: {_signed(bad.send_lateness_ns)} after the message was due"]
         if bad.age_ns is not None:
             over = bad.age_ns - self._budget_ns
             more = f", {_ms(over)} over the budget" if over > 0 else ""
             lines.append(
-                f"peer and wire: {_ms(bad.age_ns)} from there to the kernel's stamp{more} "
+                f"peer and wire: {_ms(bad.age_ns)} from there to its answer{more} "
                 f"(send period {self._period_ms} ms x receive multiplier {self._multiplier})"
             )
-        lines.append(f"own lateness meanwhile, of the message and of cycles: at most {_amount(bad.own_ns)}")
+        lines.append(
+            f"lateness of {self._sides.controller} meanwhile, sending or in its cycles: at most {_amount(bad.own_ns)}"
+        )
         skip_ns = self._path.last_skip_ns
         if skip_ns is not None and 0 <= bad.judged_ns - skip_ns <= WINDOW_NS:
             lines.append(f"messages were skipped in the second before, {self._path.skipped} in all so far")
@@ -411,18 +422,12 @@ class ConnectionDiagnosis:
             "own_lateness_us": bad.own_ns / 1e3,
         }
 
-    def _median(self, allowed: str = "") -> str:
-        median_ns = self._path.peer_and_wire.quantile(0.5)
-        words = [] if median_ns is None else [f"median {median_ns / 1e6:.2g} ms"]
-        words += [f"{allowed} are allowed"] if allowed else []
-        return f"({', '.join(words)})" if words else "(the first answer)"
-
-    def _remedies(self, whose: Whose) -> tuple[str, ...]:
+    def _remedies(self, whose: Whose, latency: Histogram) -> tuple[str, ...]:
         mine, yours = (
             self._sides.controller_remedy,
             "make the client's answer faster: nothing but the answer in its loop",
         )
-        usual_ns = self._path.peer_and_wire.quantile(0.999)
+        usual_ns = latency.quantile(0.999)
         needed_ms = 0 if usual_ns is None else -(-usual_ns // 1_000_000)
         longer = (
             f"send period x receive multiplier of {needed_ms} ms would have held 99.9 % of the answers"
@@ -434,6 +439,13 @@ class ConnectionDiagnosis:
         if whose is Whose.BOTH:
             return mine, yours, longer
         return yours, longer, "without a change of the client: look at its machine's load and at the network between"
+
+
+def _median(latency: Histogram, allowed: str = "") -> str:
+    median_ns = latency.quantile(0.5)
+    words = [] if median_ns is None else [f"median {median_ns / 1e6:.2g} ms"]
+    words += [f"{allowed} are allowed"] if allowed else []
+    return f"({', '.join(words)})" if words else "(the first answer)"
 
 
 def _ms(value_ns: float) -> str:

@@ -1,5 +1,6 @@
 """A capture from elsewhere, or one of ours that does not replay exactly: judged from its packets."""
 
+import heapq
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -19,6 +20,8 @@ from transport.capture.reading import read_records
 from transport.capture.records import Packet
 
 _PROGRESS_EVERY = 2000
+_NEIGHBOURS = 128
+"""Packets that are put in order of time."""
 _PEERS = (Outcome.DUPLICATE, Outcome.REORDERED, Outcome.REPLAYED, Outcome.UNSENT_SEQUENCE)
 _PARTS = {
     "send_lateness": "send: behind the grid of its messages",
@@ -62,13 +65,24 @@ class _Reading:
             before += part.stat().st_size
 
 
+def in_order(packets: Iterator[Packet]) -> Iterator[Packet]:
+    """Yield the packets by their time: recorders of several interfaces mix up neighbours in the file."""
+    waiting: list[tuple[int, int, Packet]] = []
+    for count, packet in enumerate(packets):
+        heapq.heappush(waiting, (packet.at_unix_ns, count, packet))
+        if len(waiting) > _NEIGHBOURS:
+            yield heapq.heappop(waiting)[2]
+    while waiting:
+        yield heapq.heappop(waiting)[2]
+
+
 def diagnose_elsewhere(
     file: Path, *, release: Release | None, period_ms: int | None, progress: ProgressTold | None, limit: int
 ) -> ElsewhereDiagnosis:
     """Judge every controller and client in ``file``; raise ``CaptureError`` where nothing can be read."""
     flows = {route: FlowDiagnosis(flow, period_ms=period_ms) for route, flow in flows_of(file, Wish(release)).items()}
     reading = _Reading(file, progress)
-    with closing(reading.packets()) as packets:  # type: ignore[type-var]  # a generator, which is closed
+    with closing(in_order(reading.packets())) as packets:  # type: ignore[type-var]  # a generator, which is closed
         for packet in packets:
             source, destination = Address(*packet.source), Address(*packet.destination)
             if (sender := flows.get((source, destination))) is not None:
