@@ -218,6 +218,11 @@ class Controller:
         return self._servo
 
     @property
+    def cycle_ns(self) -> int:
+        """Time from one tick to the next."""
+        return self._settings.cycle_ns
+
+    @property
     def findings(self) -> FindingLog:
         """What was diagnosed, to be looked at."""
         return self._findings

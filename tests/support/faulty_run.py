@@ -9,16 +9,19 @@ from hil.values.finding import Finding
 from tests.support.recordings import fri_robot
 from tools.bench.clients import BenchMotion, recorded_client
 from tools.bench.recording import VirtualRun
+from transport.capture.reading import read_records
+from transport.capture.records import CapturedDatagram, Packet
+from transport.capture.writing import PcapngWriter
 
 MS = 1_000_000
 USUAL_ANSWER_NS = 400_000
 USUAL_LATENESS_NS = 30_000
-COMMANDING_FROM_S = 1.1
-"""Of a run at 5 ms: the session commands by then."""
+EXCELLENT_S = 1.6
+"""The session commands, and the quality is EXCELLENT, after that time."""
 
 
 class FaultyRun(VirtualRun):
-    """5 ms a message; ``lateness``, ``answer`` and ``read_until`` are by the time of the cycle, in milliseconds."""
+    """A message each 5 ms; ``lateness``, ``answer`` and ``unread`` are asked with the time of the cycle in ms."""
 
     def __init__(self, file: Path, **config: Any) -> None:
         robot = fri_robot(**{"fri": {"send_period_ms": 5}, **config})
@@ -27,21 +30,16 @@ class FaultyRun(VirtualRun):
         self.lateness: Callable[[int], int] = lambda _: USUAL_LATENESS_NS
         self.answer: Callable[[int], int | None] = lambda _: USUAL_ANSWER_NS
         self.unread: Callable[[int], bool] = lambda _: False
-        """Whether what came in the period before the cycle is read behind it only."""
-
-    @property
-    def at_ms(self) -> int:
-        """Time of the cycle."""
-        return self.now_ns // MS
+        """Whether what came before the cycle is read behind it only."""
 
     def lateness_ns(self) -> int:
-        return self.lateness(self.at_ms)
+        return self.lateness(self.now_ns // MS)
 
     def answer_ns(self) -> int | None:
-        return self.answer(self.at_ms)
+        return self.answer(self.now_ns // MS)
 
     def read_until_ns(self) -> int:
-        return -1 if self.unread(self.at_ms) else self.now_ns
+        return -1 if self.unread(self.now_ns // MS) else self.now_ns
 
     def events(self, events: list[Event]) -> None:
         self.found += [event.finding for event in events if isinstance(event, Diagnosed)]
@@ -50,6 +48,14 @@ class FaultyRun(VirtualRun):
         """Miss control cycles."""
         self.now_ns += cycles * MS
 
-    def of_kind(self, kind: str) -> list[Finding]:
-        """What was found of a kind, in order."""
-        return [finding for finding in self.found if finding.kind == kind]
+
+def seen_from_outside(file: Path, to: Path, hosts: dict[int, str]) -> Path:
+    """Write the packets of a recording of ours as another recorder would have, with other addresses by their port."""
+    with PcapngWriter(to) as writer:
+        for record in read_records(file):
+            if isinstance(record, Packet):
+                source, destination = (
+                    (hosts.get(port, host), port) for host, port in (record.source, record.destination)
+                )
+                writer.write(CapturedDatagram(record.at_unix_ns, source, destination, record.payload))
+    return to

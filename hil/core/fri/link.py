@@ -134,6 +134,16 @@ class FriLink:
         return self._meter.quality
 
     @property
+    def client(self) -> Address:
+        """Where the client is."""
+        return self._settings.peer
+
+    @property
+    def release(self) -> Release:
+        """Release that is spoken."""
+        return self._codec.release
+
+    @property
     def budget_ns(self) -> int:
         """Time a client has for its answer."""
         return self._budget_ns

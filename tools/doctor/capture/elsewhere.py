@@ -128,7 +128,8 @@ def _tables(title: str, flow: FlowDiagnosis, limit: int) -> list[EvidenceTable]:
         ("release of the controller's messages", str(flow.flow.release)),
         ("send period x receive multiplier", f"{flow.period_ms} ms x {flow.multiplier}"),
         ("messages, answers", f"{flow.messages}, {flow.answers}"),
-        ("messages that the capture misses", str(flow.lost)),
+        ("messages that the capture misses", str(max(flow.lost - flow.overtaken, 0))),
+        ("messages that a later one overtook", str(flow.overtaken)),
         ("sessions", str(flow.sessions)),
         ("place", flow.place.place.value),
     ]

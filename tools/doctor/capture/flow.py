@@ -11,19 +11,21 @@ from hil.core.diagnosis.release_mix_up import doubted_client, undecodable_client
 from hil.core.fri.admission import Admission, Dropped
 from hil.core.fri.expected import ExpectedAnswers
 from hil.core.fri.quality import QualityMeter
-from hil.core.fri.sequence import SequenceTracker
+from hil.core.fri.sequence import REMEMBERED, SequenceTracker
 from hil.replay.guess import Flow, state_of
 from hil.values.errors import MalformedDatagram
 from hil.values.finding import Finding, Severity, Whose
 from hil.values.fri import MAX_PERIOD_MS, SEQUENCE_MODULUS, TRAITS, Quality, Release, SessionState
 from hil.values.fri_messages import CommandMessage, MonitoringMessage
 from hil.values.outcomes import FRI_DROPS, Outcome
+from tools.doctor.capture.healthy import silent_client
 from tools.doctor.capture.place import Place, PlaceSeeker
 from tools.doctor.capture.send_grid import SendGrid
 from transport.capture.records import Packet
 from transport.fri import FriCodec
 
 _NS_PER_MS: Final = 1_000_000
+_QUALITIES: Final = frozenset(Quality)
 _MOST_LOST: Final = 10_000
 """Messages in a row that a capture may miss; a longer step of the counter is another session."""
 _MOST_CHANGES: Final = 1000
@@ -72,6 +74,8 @@ class FlowDiagnosis:
         self.changes: deque[StateChange] = deque(maxlen=_MOST_CHANGES)
         self.outcomes = dict.fromkeys((Outcome.ACCEPTED, *FRI_DROPS), 0)
         self.messages = self.answers = self.lost = self.sessions = self.shifts = 0
+        self.overtaken = 0
+        """Messages that passed behind a later one."""
         self.undecodable = 0
         self.undecodable_detail = ""
         """Of the first datagram of the controller that is no message."""
@@ -96,9 +100,12 @@ class FlowDiagnosis:
         at_ns = self._time(packet)
         session = self._session
         steps = 0 if session is None else (message.sequence_counter - session.last_counter) % SEQUENCE_MODULUS
+        self.messages += 1
+        if steps > SEQUENCE_MODULUS - REMEMBERED:
+            self.overtaken += 1  # by the next message, before the capture's place: it was taken for lost by now
+            return
         if session is None or not 0 < steps <= _MOST_LOST:
             session, steps = self._begin(message), 1
-        self.messages += 1
         self._count_lost(session, steps - 1, at_ns)
         due_ns = session.grid.due_ns(steps, at_ns)
         self.path.began(due_ns, at_ns)
@@ -144,9 +151,15 @@ class FlowDiagnosis:
         """The capture is over."""
         self.path.began(self.last_ns, self.last_ns)
         self._end_session()
-        silent = not self.answers and self.messages >= _SILENT_MESSAGES
-        if silent:
-            self.findings.add(self._silent_client(), now_ns=self.last_ns)
+        if not self.answers and self.messages >= _SILENT_MESSAGES:
+            found = silent_client(
+                "",
+                client=str(self.flow.client),
+                release=self.flow.release,
+                messages=self.messages,
+                seconds=self.last_ns / 1e9,
+            )
+            self.findings.add(found, now_ns=self.last_ns)
 
     @property
     def sides(self) -> Sides:
@@ -169,7 +182,7 @@ class FlowDiagnosis:
         self.sessions += 1
         tracker = SequenceTracker(first_counter=message.sequence_counter)
         meter = QualityMeter(budget_ns=self._budget_ns)
-        if message.connection is not None and message.connection.quality in set(Quality):
+        if message.connection is not None and message.connection.quality in _QUALITIES:
             # The capture may begin in the middle of a session.
             meter.quality = Quality(message.connection.quality)
         diagnosis = ConnectionDiagnosis(
@@ -214,7 +227,7 @@ class FlowDiagnosis:
 
     def _note_connection(self, session: _Session, message: MonitoringMessage, at_ns: int) -> None:
         connection, state = message.connection, state_of(message)
-        if connection is None or state is None or connection.quality not in set(Quality):
+        if connection is None or state is None or connection.quality not in _QUALITIES:
             return
         quality = Quality(connection.quality)
         before = self._quality
@@ -267,23 +280,3 @@ class FlowDiagnosis:
     def _note_release(self, looks_like: Release, detail: str, at_ns: int) -> None:
         peer = str(self.flow.client)
         self._find(undecodable_client(looks_like, self.flow.release, peer=peer, detail=detail), "", at_ns)
-
-    def _silent_client(self) -> Finding:
-        framed = TRAITS[self.flow.release].framed
-        speaks = "2.7, with length and CRC around each message" if framed else f"{self.flow.release}, without frame"
-        others = "1.x or 2.5" if framed else "2.7"
-        return Finding(
-            "client-silent",
-            Severity.FAULT,
-            Whose.PEER_OR_WIRE,
-            f"the client at {self.flow.client} never answered, {self.messages} messages of {self.last_ns / 1e9:.1f} s "
-            f"passed: no client runs there, they do not reach it, or it is of another release ({others} clients stay "
-            f"silent here)",
-            evidence=(f"the controller speaks {speaks}",),
-            remedies=(
-                "see that the client runs, and on which port it listens (30200 is the library's default)",
-                f"see of which release the client's FRI library is: the controller speaks {self.flow.release}",
-                "see that no firewall drops UDP between the two",
-            ),
-            figures={"messages": self.messages, "answers": 0},
-        )

@@ -1,10 +1,11 @@
-"""The sentence for a connection that nothing is wrong with."""
+"""The sentences for a connection that nothing is wrong with, and for one that never was."""
 
 from collections.abc import Mapping
 from typing import Any
 
 from hil.core.statistics import Histogram
 from hil.values.finding import Finding, Severity, Whose
+from hil.values.fri import TRAITS, Release
 
 
 def healthy(
@@ -33,4 +34,25 @@ def healthy(
             "max_ms": latency.maximum / 1e6,
             "budget_ms": budget_ns / 1e6,
         },
+    )
+
+
+def silent_client(title: str, *, client: str, release: Release, messages: int, seconds: float) -> Finding:
+    """Return the finding for a client that never answered the ``messages`` of a controller of ``release``."""
+    framed = TRAITS[release].framed
+    speaks = f"{release}, with length and CRC around each message" if framed else f"{release}, without a frame"
+    return Finding(
+        "client-silent",
+        Severity.FAULT,
+        Whose.PEER_OR_WIRE,
+        f"{title}the client at {client} never answered {messages} messages of {seconds:.1f} s: no client runs there, "
+        f"they do not reach it, or it is of another release ({'1.x and 2.5' if framed else '2.7'} clients stay silent "
+        f"here)",
+        evidence=(f"the controller speaks {speaks}",),
+        remedies=(
+            "see that the client runs, and on which port it listens (30200 is the library's default)",
+            f"see of which release the client's FRI library is: the controller speaks {release}",
+            "see that no firewall drops UDP between the two",
+        ),
+        figures={"messages": messages, "answers": 0},
     )

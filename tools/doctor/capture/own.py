@@ -10,9 +10,9 @@ from hil.replay.exact import ExactReplay
 from hil.replay.replay import ProgressTold, replay_own
 from hil.replay.result import ReplayResult
 from hil.runtime.capture_header import CaptureHeader
-from hil.values.finding import EvidenceTable, Finding, Severity, Whose
+from hil.values.finding import EvidenceTable, Finding, Severity
 from hil.values.outcomes import Outcome
-from tools.doctor.capture.healthy import healthy
+from tools.doctor.capture.healthy import healthy, silent_client
 from tools.doctor.capture.tables import fault_table, slowest_table, split_table, state_table
 
 _PEERS = (Outcome.DUPLICATE, Outcome.REORDERED, Outcome.REPLAYED, Outcome.UNSENT_SEQUENCE)
@@ -42,7 +42,7 @@ def diagnose_own(file: Path, header: CaptureHeader, *, progress: ProgressTold | 
             if fri is None:
                 continue
             links.append(fri)
-            fri.diagnosis.tell(controller.ticks * 1_000_000, over=True)
+            fri.diagnosis.tell(controller.ticks * controller.cycle_ns, over=True)
             findings.extend(_findings(title, controller, fri))
             tables.extend(_tables(title, fri, limit))
 
@@ -63,12 +63,12 @@ def _healthy(title: str, controller: Controller, fri: FriLink) -> Finding:
     ended = f"; the arm was stopped for another reason: {stops[-1].reason}" if stops else ""
     latency = fri.answer_latency
     if not latency.count:
-        return Finding(
-            "client-silent",
-            Severity.FAULT,
-            Whose.PEER_OR_WIRE,
-            f"{title}the client never answered, {fri.counters.sent} messages were sent: no client runs there, they do "
-            f"not reach it, or it is of another release",
+        return silent_client(
+            title,
+            client=str(fri.client),
+            release=fri.release,
+            messages=fri.counters.sent,
+            seconds=controller.ticks * controller.cycle_ns / 1e9,
         )
     return healthy(
         title,
