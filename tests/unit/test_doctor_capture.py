@@ -189,6 +189,21 @@ def test_slow_answers_that_cost_excellent_are_named(tmp_path: Path) -> None:
     )
 
 
+def test_a_quality_that_never_gets_good_is_explained(tmp_path: Path) -> None:
+    file = tmp_path / "run.pcapng"
+    run = FaultyRun(file)
+    run.answer = each(10, 6_200_000, USUAL_ANSWER_NS)
+    run.run(3.2)
+    run.close()
+    (live,) = run.found
+    assert str(live).startswith("quality POOR, GOOD is needed for a motion: ")
+    assert str(live).endswith("; peer or wire, not this controller")
+    assert diagnosis(file).verdict.kind == live.kind
+    outside = diagnosis(seen_from_outside(file, tmp_path / "outside.pcapng", NETWORK))
+    assert outside.verdict.kind == live.kind
+    assert outside.verdict.whose is Whose.PEER_OR_WIRE
+
+
 def test_messages_that_were_skipped_are_this_controllers(tmp_path: Path) -> None:
     run = FaultyRun(tmp_path / "run.pcapng")
     run.run(0.5)

@@ -179,7 +179,7 @@ class AnswerPath:
             received_ns,
             send_lateness_ns=0 if due_ns is None else received_ns - age_ns - due_ns,
             wait_ns=max(now_ns - received_ns, 0),
-            use_lateness_ns=started_ns - max(received_ns, now_ns),
+            use_lateness_ns=max(started_ns - max(received_ns, now_ns), 0),
             cycle=self.cycle,
         )
         if len(self._worst) < WORST:

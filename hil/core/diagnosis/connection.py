@@ -12,9 +12,19 @@ controller's only if a whole budget of own lateness lies over it.
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 from hil.core.diagnosis.answer_path import AnswerPath
+from hil.core.diagnosis.words import (
+    GONE_REMEDIES,
+    WATCHDOG_REMEDY,
+    Sides,
+    amount,
+    median,
+    milliseconds,
+    remedies,
+    signed,
+)
 from hil.core.fri.quality import WINDOW_NS, QualityMeter
 from hil.core.statistics import Histogram
 from hil.values.finding import Figure, Finding, Severity, Whose
@@ -22,33 +32,16 @@ from hil.values.fri import SEQUENCE_MODULUS, Quality
 
 QUALITY_FELL: Final = "quality-fell"
 CLIENT_LOST: Final = "client-lost"
+QUALITY_NOT_REACHED: Final = "quality-not-reached"
 MESSAGES_SKIPPED: Final = "messages-skipped"
 _REMEMBERED: Final = 1024
 """Late and missing answers of the last second, at most one a millisecond."""
 _WAITING: Final = 8
 _ANSWER_WAIT_NS: Final = 100_000_000
 """A fall by a missing answer is told when that has come after all, or after this time."""
-_GONE_REMEDIES: Final = (
-    "look at what the client's process did then: it ended, was stopped in a debugger, or waited for something",
-    "look at the network between, if it is another machine",
-)
-_WATCHDOG_REMEDY: Final = "a longer watchdog (watchdog_ms in the station file) only hides a pause of that length"
 _MIXED_SHARE: Final = 0.9
 _NEEDED: Final = {Quality.GOOD: 99, Quality.FAIR: 95, Quality.POOR: 75}
 """Answers in time of 100, for the level above."""
-
-
-class Sides(NamedTuple):
-    """Who the two are, in words."""
-
-    controller: str = "this controller"
-    other: str = "peer or wire"
-    other_whose: Whose = Whose.PEER_OR_WIRE
-    moment: str = "cycle"
-    """What is counted where things happen."""
-    controller_remedy: str = (
-        "let this process have the machine: hil run --realtime, less load beside it, or a longer send period"
-    )
 
 
 @dataclass(slots=True)
@@ -189,19 +182,23 @@ class ConnectionDiagnosis:
             whose = Whose.CONTROLLER
         elif own_ns >= self._budget_ns:
             whose = Whose.BOTH
-        last = "" if heard is None else f"the last answer was to message {heard[0]}, {_ms(now_ns - heard[1])} before; "
-        own = f"its messages since left and its cycles began at most {_amount(own_ns)} late"
+        last = (
+            ""
+            if heard is None
+            else f"the last answer was to message {heard[0]}, {milliseconds(now_ns - heard[1])} before; "
+        )
+        own = f"its messages since left and its cycles began at most {amount(own_ns)} late"
         self._add(
             Finding(
                 CLIENT_LOST,
                 Severity.FAULT,
                 whose,
                 f"client lost at cycle {self._path.cycle}: {in_a_row} answers in a row are missing, "
-                f"{_ms(silent_ns)} of silence where the watchdog allows {_ms(watchdog_ns)}; {last}"
+                f"{milliseconds(silent_ns)} of silence where the watchdog allows {milliseconds(watchdog_ns)}; {last}"
                 f"{self._verdict(whose)}: {own}",
-                remedies=(*_GONE_REMEDIES, _WATCHDOG_REMEDY)
+                remedies=(*GONE_REMEDIES, WATCHDOG_REMEDY)
                 if whose is self._sides.other_whose
-                else self._remedies(whose, self._path.peer_and_wire),
+                else remedies(whose, self._sides, self._path.peer_and_wire, self._budget_ns),
                 figures={
                     "cycle": self._path.cycle,
                     "missing_in_a_row": in_a_row,
@@ -209,6 +206,38 @@ class ConnectionDiagnosis:
                     "watchdog_ms": watchdog_ns / 1e6,
                     "last_answered_message": None if heard is None else heard[0],
                     "own_lateness_ms": own_ns / 1e6,
+                },
+            ),
+            "",
+            now_ns,
+        )
+
+    def not_reached(self, *, now_ns: int) -> None:
+        """The quality is not GOOD, though there was time enough for it."""
+        meter, latency = self._meter, self._path.peer_and_wire
+        counts = {whose: self.late[whose] + self.missing[whose] for whose in self.late}
+        bad = sum(counts.values())
+        whose = max(counts, key=lambda one: counts[one])
+        if counts[whose] < _MIXED_SHARE * bad:
+            whose = Whose.BOTH
+        shares = ", ".join(f"{count} {self._name(one)}" for one, count in counts.items() if count)
+        self._add(
+            Finding(
+                QUALITY_NOT_REACHED,
+                Severity.WARNING,
+                self._outward(whose),
+                f"quality {meter.quality.name}, GOOD is needed for a motion: {meter.describe()}; "
+                f"{self._verdict(whose)}",
+                evidence=(
+                    f"late or missing since the beginning: {bad} ({shares})",
+                    f"answers in this session {median(latency)}",
+                ),
+                remedies=remedies(whose, self._sides, latency, self._budget_ns),
+                figures={
+                    "late_or_missing": bad,
+                    "of_the_controller": counts[Whose.CONTROLLER],
+                    "of_peer_or_wire": counts[Whose.PEER_OR_WIRE],
+                    "of_both": counts[Whose.BOTH],
                 },
             ),
             "",
@@ -224,8 +253,8 @@ class ConnectionDiagnosis:
                 MESSAGES_SKIPPED,
                 Severity.NOTE,
                 Whose.CONTROLLER,
-                f"{count} not sent: no cycle ran for {_ms(missed_ns)} before cycle {cycle}; {sides.controller} was "
-                f"held up, and the peer is not to blame for what it did not get",
+                f"{count} not sent: no cycle ran for {milliseconds(missed_ns)} before cycle {cycle}; "
+                f"{sides.controller} was held up, and the peer is not to blame for what it did not get",
                 remedies=(sides.controller_remedy,),
                 figures={"messages": messages, "cycle": cycle, "missed_ms": missed_ns / 1e6},
             ),
@@ -326,7 +355,7 @@ class ConnectionDiagnosis:
                     f"{fall.counts}; {Quality(fall.new + 1).name} needs {_NEEDED[fall.new]} % in time",
                     *self._split(bad),
                 ),
-                remedies=_GONE_REMEDIES if gone else self._remedies(whose, latency),
+                remedies=GONE_REMEDIES if gone else remedies(whose, self._sides, latency, self._budget_ns),
                 figures=self._figures(fall),
             ),
             fall.new.name,
@@ -345,7 +374,7 @@ class ConnectionDiagnosis:
         own_ns = max(lateness_ns, self._path.lateness_between(departed_ns, received_ns))
         whose = self._whose(own_ns, age_ns)
         meter, left = self._meter, self._left(lateness_ns, own_ns)
-        half = f"in time, but half of the {_ms(self._budget_ns)} allowed or more {_median(latency)}"
+        half = f"in time, but half of the {milliseconds(self._budget_ns)} allowed or more {median(latency)}"
         often = f"as {meter.slow_count} of {meter.answered_count} did in the last second where {old.name} allows 5 %"
         self._add(
             Finding(
@@ -353,8 +382,8 @@ class ConnectionDiagnosis:
                 Severity.NOTE,
                 self._outward(whose),
                 f"{self._drop(old, new, cycle)}: message {counter} {left}, its answer took "
-                f"{_ms(age_ns)}, {half}, {often}; {self._verdict(whose)}",
-                remedies=self._remedies(whose, latency),
+                f"{milliseconds(age_ns)}, {half}, {often}; {self._verdict(whose)}",
+                remedies=remedies(whose, self._sides, latency, self._budget_ns),
                 figures={
                     "cycle": cycle,
                     "message": counter,
@@ -370,39 +399,39 @@ class ConnectionDiagnosis:
 
     def _story(self, bad: _Bad, latency: Histogram) -> str:
         left = self._left(bad.send_lateness_ns, bad.own_ns)
-        allowed = _ms(self._budget_ns)
+        allowed = milliseconds(self._budget_ns)
         if self._multiplier > 1:
             last = (bad.counter + self._multiplier - 1) % SEQUENCE_MODULUS
             who = f"messages {bad.counter} to {last} {left}"
         else:
             who = f"message {bad.counter} {left}"
         if bad.age_ns is None:
-            return f"{who}, no answer to {'them' if self._multiplier > 1 else 'it'} came {_median(latency, allowed)}"
-        took = _ms(bad.age_ns)
+            return f"{who}, no answer to {'them' if self._multiplier > 1 else 'it'} came {median(latency, allowed)}"
+        took = milliseconds(bad.age_ns)
         if bad.unread:
             return f"{who}, its answer came in time, after {took}, and was read after the {allowed} allowed"
         if bad.overtaken:
             return f"{who}, its answer came after {took}, but behind the answer to a later message"
-        return f"{who}, its answer took {took} of the {allowed} allowed {_median(latency)}"
+        return f"{who}, its answer took {took} of the {allowed} allowed {median(latency)}"
 
     def _left(self, lateness_ns: int, own_ns: int) -> str:
         late = 4 * lateness_ns >= self._budget_ns
-        text = f"left {_amount(lateness_ns)} late" if late else f"left on time ({_signed(lateness_ns)})"
+        text = f"left {amount(lateness_ns)} late" if late else f"left on time ({signed(lateness_ns)})"
         if own_ns > lateness_ns and 4 * own_ns >= self._budget_ns:
-            text += f" and a cycle behind it began {_amount(own_ns)} late"
+            text += f" and a cycle behind it began {amount(own_ns)} late"
         return text
 
     def _split(self, bad: _Bad) -> tuple[str, ...]:
-        lines = [f"send: {_signed(bad.send_lateness_ns)} after the message was due"]
+        lines = [f"send: {signed(bad.send_lateness_ns)} after the message was due"]
         if bad.age_ns is not None:
             over = bad.age_ns - self._budget_ns
-            more = f", {_ms(over)} over the budget" if over > 0 else ""
+            more = f", {milliseconds(over)} over the budget" if over > 0 else ""
             lines.append(
-                f"peer and wire: {_ms(bad.age_ns)} from there to its answer{more} "
+                f"peer and wire: {milliseconds(bad.age_ns)} from there to its answer{more} "
                 f"(send period {self._period_ms} ms x receive multiplier {self._multiplier})"
             )
         lines.append(
-            f"lateness of {self._sides.controller} meanwhile, sending or in its cycles: at most {_amount(bad.own_ns)}"
+            f"lateness of {self._sides.controller} meanwhile, sending or in its cycles: at most {amount(bad.own_ns)}"
         )
         skip_ns = self._path.last_skip_ns
         if skip_ns is not None and 0 <= bad.judged_ns - skip_ns <= WINDOW_NS:
@@ -421,41 +450,3 @@ class ConnectionDiagnosis:
             "send_lateness_us": bad.send_lateness_ns / 1e3,
             "own_lateness_us": bad.own_ns / 1e3,
         }
-
-    def _remedies(self, whose: Whose, latency: Histogram) -> tuple[str, ...]:
-        mine, yours = (
-            self._sides.controller_remedy,
-            "make the client's answer faster: nothing but the answer in its loop",
-        )
-        usual_ns = latency.quantile(0.999)
-        needed_ms = 0 if usual_ns is None else -(-usual_ns // 1_000_000)
-        longer = (
-            f"send period x receive multiplier of {needed_ms} ms would have held 99.9 % of the answers"
-            if self._budget_ns < needed_ms * 1_000_000 <= 100_000_000
-            else "a longer send period or a larger receive multiplier allows it more time"
-        )
-        if whose is Whose.CONTROLLER:
-            return (mine,)
-        if whose is Whose.BOTH:
-            return mine, yours, longer
-        return yours, longer, "without a change of the client: look at its machine's load and at the network between"
-
-
-def _median(latency: Histogram, allowed: str = "") -> str:
-    median_ns = latency.quantile(0.5)
-    words = [] if median_ns is None else [f"median {median_ns / 1e6:.2g} ms"]
-    words += [f"{allowed} are allowed"] if allowed else []
-    return f"({', '.join(words)})" if words else "(the first answer)"
-
-
-def _ms(value_ns: float) -> str:
-    value_ms = value_ns / 1e6
-    return f"{value_ms:.3g} ms" if abs(value_ms) < 100 else f"{value_ms:.0f} ms"
-
-
-def _amount(value_ns: float) -> str:
-    return f"{value_ns / 1e3:.0f} us" if abs(value_ns) < 1_000_000 else _ms(value_ns)
-
-
-def _signed(value_ns: float) -> str:
-    return f"{'+' if value_ns >= 0 else '-'}{_amount(abs(value_ns))}"

@@ -45,6 +45,8 @@ _GOOD: Final = Quality.GOOD
 _IDLE: Final = SessionState.IDLE
 _COMMANDING_WAIT: Final = SessionState.COMMANDING_WAIT
 _COMMANDING_ACTIVE: Final = SessionState.COMMANDING_ACTIVE
+_READY_WAIT_NS: Final = 3_000_000_000
+"""Twice the time that the quality needs to be GOOD when all is well."""
 _FIGURES: Final = str.maketrans("", "", "0123456789.+-")
 
 
@@ -113,6 +115,8 @@ class FriLink:
         self._now_ns = 0
         self._overlay_not_before_ns = 0
         self._release_doubted = False
+        self._ready_late_ns: int | None = None
+        """When the quality should be GOOD by now."""
         self._echo_expected = TRAITS[codec.release].commanded_position
         self._restart_told_before_ns = 0
         self._overlay_ended_because = ""
@@ -391,6 +395,7 @@ class FriLink:
         if self.quality >= Quality.GOOD:
             self._go(Trigger.QUALITY_REACHED, self._meter.describe(), now_ns)
         elif self._meter.ever_answered:
+            self._note_not_reached(now_ns)
             self.log.refuse(
                 SessionState.MONITORING_READY,
                 f"quality is {self.quality.name}, GOOD is needed: {self._meter.describe()}"
@@ -406,6 +411,16 @@ class FriLink:
                 key="never answered",
                 now_ns=now_ns,
             )
+
+    def _note_not_reached(self, now_ns: int) -> None:
+        meter = self._meter
+        if meter.rising or self._ready_late_ns is None:
+            self._ready_late_ns = now_ns + _READY_WAIT_NS
+        elif now_ns >= self._ready_late_ns:
+            self._ready_late_ns = now_ns + _READY_WAIT_NS
+            # A client that is silent was lost: that is told elsewhere.
+            if 2 * meter.missed_in_a_row < meter.expected_count:
+                self.diagnosis.not_reached(now_ns=now_ns)
 
     def _try_overlay(self, arm: ArmState, now_ns: int, *, barred: str) -> None:
         if self.quality < Quality.GOOD:

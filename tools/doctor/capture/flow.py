@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from hil.core.diagnosis.answer_path import AnswerPath
-from hil.core.diagnosis.connection import ConnectionDiagnosis, Sides
+from hil.core.diagnosis.connection import ConnectionDiagnosis
 from hil.core.diagnosis.findings import FindingLog
 from hil.core.diagnosis.release_mix_up import doubted_client, undecodable_client
+from hil.core.diagnosis.words import Sides
 from hil.core.fri.admission import Admission, Dropped
 from hil.core.fri.expected import ExpectedAnswers
 from hil.core.fri.quality import QualityMeter
@@ -18,7 +19,7 @@ from hil.values.finding import Finding, Severity, Whose
 from hil.values.fri import MAX_PERIOD_MS, SEQUENCE_MODULUS, TRAITS, Quality, Release, SessionState
 from hil.values.fri_messages import CommandMessage, MonitoringMessage
 from hil.values.outcomes import FRI_DROPS, Outcome
-from tools.doctor.capture.healthy import silent_client
+from tools.doctor.capture.healthy import late_and_missing, silent_client
 from tools.doctor.capture.place import Place, PlaceSeeker
 from tools.doctor.capture.send_grid import SendGrid
 from transport.capture.records import Packet
@@ -40,7 +41,12 @@ class StateChange(NamedTuple):
     at_ns: int
     message: int
     state: str
-    quality: str
+    quality_level: Quality
+
+    @property
+    def quality(self) -> str:
+        """Its name."""
+        return self.quality_level.name
 
 
 @dataclass(slots=True)
@@ -210,6 +216,9 @@ class FlowDiagnosis:
             return
         session.diagnosis.tell(self.last_ns, over=True)
         self.shifts += session.grid.shifts
+        best = max((change.quality_level for change in self.changes), default=Quality.POOR)
+        if best < Quality.GOOD and any(late_and_missing(session.diagnosis.report())):
+            session.diagnosis.not_reached(now_ns=self.last_ns)
         for what, counts in session.diagnosis.report().items():
             if isinstance(counts, dict):
                 whole = self.by_fault.setdefault(what, {})
@@ -235,7 +244,7 @@ class FlowDiagnosis:
             return
         commanding = self._state is not None and self._state >= SessionState.COMMANDING_WAIT
         self._quality, self._state = quality, state
-        self.changes.append(StateChange(at_ns, message.sequence_counter, state.name, quality.name))
+        self.changes.append(StateChange(at_ns, message.sequence_counter, state.name, quality))
         if before is not None and quality < before and state is not SessionState.IDLE:
             session.diagnosis.recorded_fall(
                 before, quality, message.sequence_counter, now_ns=at_ns, commanding=commanding

@@ -12,7 +12,7 @@ def healthy(
     title: str, *, latency: Histogram, budget_ns: int, by_fault: Mapping[str, Any], quality: str, ended: str = ""
 ) -> Finding:
     """Return it; ``ended`` says what else ended the motion."""
-    late, missing = (sum(by_fault.get(what, {}).values()) for what in ("late", "missing"))
+    late, missing = late_and_missing(by_fault)
     p50_ns, p99_ns = latency.quantile(0.5) or 0, latency.quantile(0.99) or 0
     if late or missing:
         what = f"{latency.count} answers, {late} late and {missing} missing, too few to lower the quality by a level"
@@ -35,6 +35,12 @@ def healthy(
             "budget_ms": budget_ns / 1e6,
         },
     )
+
+
+def late_and_missing(by_fault: Mapping[str, Any]) -> tuple[int, int]:
+    """Return how many answers were late, and how many never came."""
+    late, missing = (sum(by_fault.get(what, {}).values()) for what in ("late", "missing"))
+    return late, missing
 
 
 def silent_client(title: str, *, client: str, release: Release, messages: int, seconds: float) -> Finding:

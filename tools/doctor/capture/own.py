@@ -11,8 +11,9 @@ from hil.replay.replay import ProgressTold, replay_own
 from hil.replay.result import ReplayResult
 from hil.runtime.capture_header import CaptureHeader
 from hil.values.finding import EvidenceTable, Finding, Severity
+from hil.values.fri import Quality
 from hil.values.outcomes import Outcome
-from tools.doctor.capture.healthy import healthy, silent_client
+from tools.doctor.capture.healthy import healthy, late_and_missing, silent_client
 from tools.doctor.capture.tables import fault_table, slowest_table, split_table, state_table
 
 _PEERS = (Outcome.DUPLICATE, Outcome.REORDERED, Outcome.REPLAYED, Outcome.UNSENT_SEQUENCE)
@@ -42,13 +43,20 @@ def diagnose_own(file: Path, header: CaptureHeader, *, progress: ProgressTold | 
             if fri is None:
                 continue
             links.append(fri)
-            fri.diagnosis.tell(controller.ticks * controller.cycle_ns, over=True)
+            now_ns = controller.ticks * controller.cycle_ns
+            fri.diagnosis.tell(now_ns, over=True)
+            if fri.quality < Quality.GOOD and not _was_good(fri) and any(late_and_missing(fri.diagnosis.report())):
+                fri.diagnosis.not_reached(now_ns=now_ns)
             findings.extend(_findings(title, controller, fri))
             tables.extend(_tables(title, fri, limit))
 
     result = replay_own(file, header, progress=progress, finished=look)
     findings.sort(key=lambda finding: -finding.severity.value)
     return OwnDiagnosis(result, tuple(findings), tuple(tables), bool(links))
+
+
+def _was_good(fri: FriLink) -> bool:
+    return any(change.quality >= Quality.GOOD for change in fri.log.history)
 
 
 def _findings(title: str, controller: Controller, fri: FriLink) -> list[Finding]:
