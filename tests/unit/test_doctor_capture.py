@@ -347,7 +347,7 @@ def test_a_capture_without_fri_is_refused_in_a_sentence(tmp_path: Path) -> None:
         writer.write(CapturedDatagram(1, ("10.0.0.1", 53), ("10.0.0.2", 4000), b"no robot speaks so"))
     ended = cli("doctor", "capture", file)
     assert (ended.code, ended.out) == (2, "")
-    told = "holds no FRI to diagnose: 1 UDP datagrams, none of them a monitoring message of FRI"
+    told = "holds no FRI and no TCP connection to diagnose: 1 UDP datagrams, none of them a monitoring message of FRI"
     assert ended.err == f"hil: capture {file}: {told}\n"
 
 

@@ -81,7 +81,7 @@ class FrameDecoder:
 
         Checksums are not looked at: a capture taken on the sending host has those the network card fills in later.
         """
-        at = _ip_offset(link_type, frame)
+        at = ip_offset(link_type, frame)
         if at < 0 or at + _IP_HEAD_BYTES + _UDP_HEAD_BYTES > len(frame):
             return None
         version, total, fragment, protocol = _IP.unpack_from(frame, at)
@@ -108,7 +108,7 @@ def endpoints_of(route: bytes) -> tuple[Endpoint, Endpoint]:
     return unpack_endpoint(route[0:4] + route[8:10]), unpack_endpoint(route[4:8] + route[10:12])
 
 
-def _ip_offset(link_type: int, frame: bytes) -> int:
+def ip_offset(link_type: int, frame: bytes) -> int:
     """Return where IPv4 begins; -1 where there is none. A robot's network is recorded on wires, tunnels and "any"."""
     match link_type:
         case 1:  # Ethernet, with VLAN tags or without

@@ -1,1 +1,1 @@
-"""What a capture says of the sessions in it: one verdict, the evidence below it."""
+"""Whose fault it was, from a capture: FRI cycles, servo set points, TCP connections."""

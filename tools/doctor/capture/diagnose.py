@@ -8,9 +8,11 @@ from hil.values.finding import Diagnosis, EvidenceTable, Finding, Severity, Whos
 from hil.values.fri import Release
 from tools.doctor.capture.elsewhere import diagnose_elsewhere
 from tools.doctor.capture.own import diagnose_own
+from tools.doctor.capture.tcp.diagnose import diagnose_tcp
 from transport.capture.errors import CaptureError
 
 DEFAULT_LIMIT: Final = 10
+DAMAGED: Final = "capture-damaged"
 
 
 class CaptureOptions(NamedTuple):
@@ -31,27 +33,45 @@ class CaptureDiagnosis(NamedTuple):
 
 def diagnose_capture(file: Path, options: CaptureOptions, *, progress: ProgressTold | None = None) -> CaptureDiagnosis:
     """Judge what is in ``file``; raise ``CaptureError`` where nothing can be read or nothing in it is understood."""
-    note: Finding | None = None
+    fri = _fri(file, options, progress)
+    tcp_findings, tcp_tables = diagnose_tcp(file, progress=progress)
+    # FRI's reading tells of the damage already.
+    tcp = tuple(one for one in tcp_findings if one.kind != DAMAGED)
+    if not fri.findings and not tcp_tables:
+        what = "no UDP datagram"
+        if fri.datagrams:
+            what = f"{fri.datagrams} UDP datagrams, none of them a monitoring message of FRI"
+        before = f", before the damage ({fri.damage})" if fri.damage else ""
+        raise CaptureError(file, f"holds no FRI and no TCP connection to diagnose: {what}{before}")
+    return _result((*fri.findings, *tcp), (*fri.tables, *tcp_tables), fri.damage)
+
+
+class _Fri(NamedTuple):
+    """What was found of FRI; no findings where there is none."""
+
+    findings: tuple[Finding, ...]
+    tables: tuple[EvidenceTable, ...]
+    datagrams: int
+    damage: str
+
+
+def _fri(file: Path, options: CaptureOptions, progress: ProgressTold | None) -> _Fri:
+    note: tuple[Finding, ...] = ()
     header = own_header(file) if options.release is None and options.period_ms is None else None
     if header is not None:
         try:
             own = diagnose_own(file, header, progress=progress, limit=options.limit)
         except CaptureError as error:
-            note = _not_exact(str(error))
+            note = (_not_exact(str(error)),)
         else:
             if own.result.alike and own.result.compared and own.has_fri:
-                return _result(own.findings, own.tables, own.result.damage)
-            note = _not_exact(own.result.verdict) if own.has_fri else None
+                return _Fri(own.findings, own.tables, own.result.compared + own.result.inputs, own.result.damage)
+            if own.has_fri:
+                note = (_not_exact(own.result.verdict),)
     found = diagnose_elsewhere(
         file, release=options.release, period_ms=options.period_ms, progress=progress, limit=options.limit
     )
-    if not found.flows:
-        what = "no UDP datagram"
-        if found.datagrams:
-            what = f"{found.datagrams} UDP datagrams, none of them a monitoring message of FRI"
-        before = f", before the damage ({found.damage})" if found.damage else ""
-        raise CaptureError(file, f"holds no FRI to diagnose: {what}{before}")
-    return _result(found.findings if note is None else (*found.findings, note), found.tables, found.damage)
+    return _Fri((*found.findings, *note) if found.flows else (), found.tables, found.datagrams, found.damage)
 
 
 def _not_exact(why: str) -> Finding:
@@ -68,7 +88,7 @@ def _result(findings: tuple[Finding, ...], tables: tuple[EvidenceTable, ...], da
     if damage:
         ordered.append(
             Finding(
-                "capture-damaged",
+                DAMAGED,
                 Severity.WARNING,
                 Whose.NOBODY,
                 f"{damage}; what is before that was diagnosed",
@@ -79,7 +99,7 @@ def _result(findings: tuple[Finding, ...], tables: tuple[EvidenceTable, ...], da
 
 def _healthy_first(findings: list[Finding]) -> tuple[Finding, ...]:
     """The good news leads where there is nothing worse than a note, though a note is worse than good."""
-    worse = [one for one in findings if one.severity.value > Severity.NOTE.value and one.kind != "capture-damaged"]
+    worse = [one for one in findings if one.severity.value > Severity.NOTE.value and one.kind != DAMAGED]
     if worse:
         return tuple(one for one in findings if one.severity is not Severity.GOOD)
     return tuple(sorted(findings, key=lambda finding: finding.severity is not Severity.GOOD))

@@ -1,0 +1,1 @@
+"""``hil doctor tcp``: small messages over TCP, and which side makes them wait."""
