@@ -4,7 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil.core.diagnosis.answer_path import WORST, AnswerPath
+from hil.core.settings import FriSettings
 from hil.core.statistics import CycleHistogram, Histogram
+from tests.support.virtual import PEER, SOURCE, Bench
 from tools.doctor.capture.send_grid import SendGrid
 
 MS = 1_000_000
@@ -77,3 +79,17 @@ def test_the_grid_follows_a_clock_and_ignores_late_messages_until_a_row_of_them_
         off.append(at_ns - grid.due_ns(1, at_ns))
     assert grid.shifts == 1
     assert abs(off[-1]) < 20_000
+
+
+def test_what_leaves_on_another_link_does_not_make_the_last_message_younger() -> None:
+    bench = Bench(fri=FriSettings(peer=PEER, send_period_ms=5))
+    bench.controller.tick(now_ns=0)
+    (message,) = bench.controller.outgoing(now_ns=100_000)
+    fri = bench.controller.fri
+    assert fri is not None
+    fri.departed(now_ns=3_100_000)  # a datagram of the servo link leaves
+    answer = bench.client.answer(message.payload)
+    assert answer is not None
+    bench.controller.receive(answer, SOURCE, now_ns=3_900_000)
+    bench.controller.tick(now_ns=4_000_000)
+    assert fri.path.worst[0].age_ns == 3_800_000

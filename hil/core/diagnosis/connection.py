@@ -230,7 +230,7 @@ class ConnectionDiagnosis:
                 f"{self._verdict(whose)}",
                 evidence=(
                     f"late or missing since the beginning: {bad} ({shares})",
-                    f"answers in this session {median(latency)}",
+                    *(f"the last of them: {self._story(one, latency)}" for one in list(self._bad)[-1:]),
                 ),
                 remedies=remedies(whose, self._sides, latency, self._budget_ns),
                 figures={

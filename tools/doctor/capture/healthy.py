@@ -1,11 +1,13 @@
 """The sentences for a connection that nothing is wrong with, and for one that never was."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 from hil.core.statistics import Histogram
 from hil.values.finding import Finding, Severity, Whose
 from hil.values.fri import TRAITS, Release
+
+_NAMES: Final = {"controller": "by the controller", "peer_or_wire": "by peer or wire", "both": "by both"}
 
 
 def healthy(
@@ -15,7 +17,9 @@ def healthy(
     late, missing = late_and_missing(by_fault)
     p50_ns, p99_ns = latency.quantile(0.5) or 0, latency.quantile(0.99) or 0
     if late or missing:
-        what = f"{latency.count} answers, {late} late and {missing} missing, too few to lower the quality by a level"
+        shares = {whose: sum(by_fault[what][whose] for what in ("late", "missing")) for whose in by_fault["late"]}
+        told = ", ".join(f"{count} {_NAMES[whose]}" for whose, count in shares.items() if count)
+        what = f"{latency.count} answers, {late} late and {missing} missing ({told}), too few to lower the quality"
     else:
         what = f"all {latency.count} answers came in time"
     return Finding(

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 from hil.core.controller import Controller
+from hil.core.diagnosis.connection import QUALITY_NOT_REACHED
 from hil.core.fri.link import FriLink
 from hil.replay.exact import ExactReplay
 from hil.replay.replay import ProgressTold, replay_own
@@ -45,7 +46,7 @@ def diagnose_own(file: Path, header: CaptureHeader, *, progress: ProgressTold | 
             links.append(fri)
             now_ns = controller.ticks * controller.cycle_ns
             fri.diagnosis.tell(now_ns, over=True)
-            if fri.quality < Quality.GOOD and not _was_good(fri) and any(late_and_missing(fri.diagnosis.report())):
+            if not _was_good(fri) and any(late_and_missing(fri.diagnosis.report())) and not _not_reached(controller):
                 fri.diagnosis.not_reached(now_ns=now_ns)
             findings.extend(_findings(title, controller, fri))
             tables.extend(_tables(title, fri, limit))
@@ -56,7 +57,11 @@ def diagnose_own(file: Path, header: CaptureHeader, *, progress: ProgressTold | 
 
 
 def _was_good(fri: FriLink) -> bool:
-    return any(change.quality >= Quality.GOOD for change in fri.log.history)
+    return fri.quality >= Quality.GOOD or any(change.quality >= Quality.GOOD for change in fri.log.history)
+
+
+def _not_reached(controller: Controller) -> bool:
+    return any(finding.kind == QUALITY_NOT_REACHED for finding in controller.findings.worst())
 
 
 def _findings(title: str, controller: Controller, fri: FriLink) -> list[Finding]:
