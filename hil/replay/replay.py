@@ -66,7 +66,7 @@ def replay_file(
     header = read_header(read_section_comment(file))
     if header is not None and key_file is not None:
         header = header.with_key(key_file)
-    if wish is None and header is not None and header.complete and first_and_number(file)[1] == 1 and _has_notes(file):
+    if wish is None and header is not None and own_header(file) is not None:
         return replay_own(file, header, progress=progress, pace=pace, update=update, watch=watch)
     if update:
         raise UsageError(f"{file} was not recorded by fri-hil from the start of a run: it has no outputs to update")
@@ -177,6 +177,14 @@ def _looked_through(packets: Iterator[Packet], wish: Wish) -> dict[tuple[Address
     return flows
 
 
+def own_header(file: Path) -> CaptureHeader | None:
+    """Return the header of a complete recording of ours, which can be replayed exactly; None where it is none."""
+    header = read_header(read_section_comment(file))
+    if header is None or not header.complete or first_and_number(file)[1] != 1 or not _has_notes(file):
+        return None
+    return header
+
+
 def _has_notes(file: Path) -> bool:
     """Whether the recorder's notes are there: a program that copied the packets leaves them behind."""
     with suppress(CaptureError):
@@ -192,8 +200,12 @@ def replay_own(
     pace: Callable[[int], None] | None = None,
     update: bool = False,
     watch: Watcher | None = None,
+    finished: Callable[[ExactReplay], None] | None = None,
 ) -> ReplayResult:
-    """Replay a complete recording of ours; with ``update`` its outputs become those of the emulator."""
+    """Replay a complete recording of ours; with ``update`` its outputs become those of the emulator.
+
+    ``finished`` is shown the replay when the recording is over, before its robot sides are released.
+    """
     result = ReplayResult(str(file), own=True)
     recorded = header.machine.get(ARITHMETIC)
     result.other_arithmetic = recorded is not None and recorded != arithmetic_fingerprint()
@@ -213,6 +225,8 @@ def replay_own(
             reason = f"the controller it tells of cannot be made here: {error}"
             raise CaptureError(file, reason, offset=0) from error
         _feed(replay, parts, result, progress)
+        if finished is not None:
+            finished(replay)
         result.took_s = (elapsed_ns() - began_ns) / 1e9
         if rewrite is not None and not result.damage:
             rewrite.keep()

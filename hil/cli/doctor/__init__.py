@@ -2,7 +2,7 @@
 
 import typer
 
-from hil.cli.doctor import host, tcp, udp
+from hil.cli.doctor import capture, host, tcp, udp
 
 app = typer.Typer(
     help="Whose fault was it: one sentence, and the evidence below it. Exit code 0: nothing found, 1: something is "
@@ -16,6 +16,7 @@ def doctor() -> None:
     """Whose fault was it: one sentence, and the evidence below it."""
 
 
+app.command("capture")(capture.capture)
 app.command("host")(host.host)
 app.command("tcp")(tcp.tcp)
 app.command("udp")(udp.udp)
