@@ -32,13 +32,14 @@ def options(version: Annotated[bool, typer.Option("--version", help="Print the v
 def _add_commands(first: str) -> None:
     """Add the commands; a pad, whose keys should work at once, does not wait for what only the others import."""
     if first != "pad":
-        from hil.cli import bench, capture, config, demo, dissector, doctor, impair, replay, run, stand_in
+        from hil.cli import bench, capture, config, demo, dissector, doctor, impair, replay, report, run, stand_in
 
         app.command("run")(run.run)
         app.command("demo")(demo.demo)
         app.command("dissector")(dissector.dissector)
         app.command("impair")(impair.impair)
         app.command("replay")(replay.replay)
+        app.command("report")(report.report)
         app.add_typer(bench.app, name="bench")
         app.add_typer(capture.app, name="capture")
         app.add_typer(config.app, name="config")

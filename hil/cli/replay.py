@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,11 +10,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from hil.cli.file_progress import file_progress
 from hil.values.errors import UsageError
 from hil.values.fri import Release, SessionState
 
 if TYPE_CHECKING:
-    from hil.replay.replay import ProgressTold
     from hil.replay.result import ReplayResult
 
 _MAX = "max"
@@ -73,7 +72,7 @@ def replay(  # noqa: PLR0917  # typer makes the options of the parameters; nobod
         from hil.replay.drawing import Drawing
 
         drawing = Drawing(plot)
-    with _bar(file, shown=not alone and sys.stderr.isatty()) as progress:
+    with file_progress(f"replay {file.name}", shown=not alone and sys.stderr.isatty()) as progress:
         result = replay_file(
             file,
             wish=Wish(fri_version, robot, backend) if elsewhere else None,
@@ -108,23 +107,6 @@ def _pace(speed: str) -> Callable[[int], None] | None:
     from hil.clock import Pause
 
     return Pause(factor).until
-
-
-@contextmanager
-def _bar(file: Path, *, shown: bool) -> "Iterator[ProgressTold | None]":
-    if not shown:
-        yield None
-        return
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[told]}"), TimeRemainingColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(f"replay {file.name}", total=None, told="")
-
-        def tell(read_bytes: int, whole_bytes: int, told: str) -> None:
-            progress.update(task, completed=read_bytes, total=whole_bytes, told=told)
-
-        yield tell
 
 
 def _show(result: "ReplayResult", *, drawn: Path | None, update: bool) -> None:

@@ -103,6 +103,8 @@ class FriLink:
         """Message that the last answer in time was to, and when that came."""
         self.counters = PacketCounters(FRI_DROPS)
         self.answer_latency = Histogram()
+        self.on_answer: Callable[[int, int], None] | None = None
+        """Told the age of each answer that is timed, and when it came [ns]; for who looks on."""
         self.log = SessionLog(emit=emit)
 
     @property
@@ -131,6 +133,8 @@ class FriLink:
         reflected = message.reflected_sequence_counter
         self._expected.answered(reflected, age_ns=age_ns, now_ns=now_ns)
         self.answer_latency.add(age_ns)
+        if self.on_answer is not None:
+            self.on_answer(age_ns, now_ns)
         if restarted_from is not None:
             self._note_restart(restarted_from, message.sequence_counter, now_ns)
         if outcome is not _ACCEPTED:
