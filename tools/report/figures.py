@@ -30,7 +30,7 @@ def _fri(robot: RobotRecord, config: RobotConfig) -> list[tuple[str, str]]:
     sent, received, accepted = (packets.get(name) for name in ("sent", "received", "accepted"))
     return [
         ("FRI", f"release {config.fri.release}, {robot.budget_ms:g} ms for an answer, overlay {config.fri.overlay}"),
-        ("session at the end", f"{session.get('state')}, {session.get('changes')} changes"),
+        ("session at the end", f"{session.get('state')} after {session.get('changes')} changes"),
         *_latency(robot),
         ("FRI packets", f"{sent} sent, {received} received, {accepted} accepted"),
     ]
@@ -41,7 +41,7 @@ def _servo(report: Mapping[str, object]) -> list[tuple[str, str]]:
     if not servo:
         return []
     return [
-        ("servo link", f"{servo.get('sessions_begun')} sessions, {servo.get('motions_begun')} motions"),
+        ("sessions and motions", f"{servo.get('sessions_begun')} and {servo.get('motions_begun')} on the servo link"),
         ("requests", f"{servo.get('requests_taken')} taken, {servo.get('requests_refused')} refused"),
     ]
 
@@ -58,7 +58,7 @@ def figures_from_packets(observer: PacketObserver) -> list[tuple[str, str]]:
         ("messages", f"{observer.messages} of the controller, {observer.answers} of the client"),
         *_latency(robot),
         ("safety stops", f"{robot.stop_count}" if robot.stop_count else "none"),
-        ("quality below GOOD", f"{len(robot.quality_falls)} times" if robot.quality_falls else "never fell below it"),
+        ("quality fell below GOOD", _times(len(robot.quality_falls))),
         _speed(robot),
     ]
 
@@ -77,6 +77,10 @@ def _speed(robot: RobotRecord) -> tuple[str, str]:
     if not robot.largest_speed_mm_s:
         return "largest flange speed", "it did not move"
     return "largest flange speed", f"{robot.largest_speed_mm_s:.1f} mm/s at {robot.largest_speed_at_s:.3f} s"
+
+
+def _times(count: int) -> str:
+    return ("never", "once")[count] if count < 2 else f"{count} times"
 
 
 def _mapping(value: object) -> Mapping[str, object]:

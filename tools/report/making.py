@@ -3,6 +3,7 @@
 import os
 from contextlib import suppress
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
@@ -115,7 +116,11 @@ def _of_own(
 
 
 def _source(header: CaptureHeader, result: ReplayResult) -> list[str]:
-    told = f"Recorded by {header.software}: {result.recorded_s:.3f} s, {result.cycles} control cycles."
+    when = datetime.fromtimestamp(header.robots[0].unix_epoch_ns // 10**9, UTC)
+    told = (
+        f"Recorded by {header.software} from {when:%Y-%m-%d %H:%M:%S} UTC on: {result.recorded_s:.3f} s, "
+        f"{result.cycles} control cycles."
+    )
     if result.equal:
         told += (
             f" Replayed through a fresh controller, all {result.compared} of its datagrams identical to the byte: what "

@@ -47,6 +47,7 @@ class RobotObserver:
             parts.description.name,
             commanded_is="the set point, as the controller told the arm one cycle before",
             speed_is="worked out from the measured positions and velocities",
+            inside_known=True,
             budget_ms=None if fri is None else float(fri.send_period_ms * fri.receive_multiplier),
             t1_mm_s=config.limits.settings(permissive=config.permissive).t1_flange_speed_mm_s,
             configuration=config.model_dump(mode="json", exclude_none=True),

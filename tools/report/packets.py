@@ -47,6 +47,7 @@ class PacketObserver:
                 f"worked out from the measured positions of two messages; assumed robot model: {model_name} "
                 f"(the packets do not name it; --robot chooses another)"
             ),
+            inside_known=False,
             budget_ms=float(self._period_ms * multiplier),
             configuration={
                 "controller": str(flow.controller),
@@ -163,6 +164,8 @@ class PacketObserver:
             self._from_client = NOT_KNOWN
         elif self._session is not before:
             self.record.tell(at_s, f"{before.name} -> {self._session.name}")
+        if self._session is SessionState.IDLE:
+            return  # A session that was closed has no quality.
         if known is not None and self._quality is not None and self._quality < Quality.GOOD <= known:
             text = f"quality {known.name} -> {self._quality.name}"
             self.record.quality_fell(at_s, text)

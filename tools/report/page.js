@@ -2,7 +2,7 @@
 // Draws the panels of the page from the data that stands in it. Texts of the recording reach Plotly escaped: it takes
 // some markup in its texts.
 (() => {
-  const INK = "#1d2a35", QUIET = "#5d6b78", GRID = "#e9edf1", BLUE = "#2f6690", PALE = "#e0912f", RED = "#a5281f";
+  const INK = "#1d2a35", QUIET = "#5d6b78", GRID = "#e9edf1", BLUE = "#2f6690", PALE = "#f0b366", RED = "#a5281f";
   const LABELS = {
     IDLE: "#dfe3e7", MONITORING_WAIT: "#e8b7a4", MONITORING_READY: "#ecd48a", COMMANDING_WAIT: "#9cc3e0",
     COMMANDING_ACTIVE: "#7dbb8a", POOR: "#d98c80", FAIR: "#ecc27a", GOOD: "#b9d7a8", EXCELLENT: "#7dbb8a",
@@ -10,6 +10,7 @@
     EMERGENCY_STOP: "#b5473b", OFF: "#d98c80", TRANSITIONING: "#ecd48a", ACTIVE: "#b9d7a8", holding: "#dfe3e7",
     overlay: "#7dbb8a", "application motion": "#8fb5d6", braking: "#d98c80", NORMAL_OPERATION: "#cfd8de",
   };
+  const PAPER = 640; // Pixels that fit between the margins of an A4 sheet.
   const OTHERS = ["#a9c4dd", "#c9b8dd", "#b9d7a8", "#e3cfa4", "#9fcfc9"];
   const MARKS = {
     stop: { name: "stops", colour: RED, symbol: "x" },
@@ -117,9 +118,9 @@
     const place = (bar) => (Math.log10(Math.max(bar[0], bar[1] / 1.122)) + Math.log10(bar[1])) / 2;
     const places = robot.bars.map(place), budget = Math.log10(robot.budget);
     const low = Math.min(...places, budget) - 0.08, high = Math.max(...places, budget) + 0.08;
-    const ticks = [];
+    const most = Math.max(...robot.bars.map((bar) => bar[2])), digits = high - low < 1.7 ? [1, 2, 5] : [1], ticks = [];
     for (let decade = Math.floor(low); decade <= Math.ceil(high); decade++) {
-      for (const digit of [1, 2, 5]) ticks.push(digit * 10 ** decade);
+      for (const digit of digits) ticks.push(digit * 10 ** decade);
     }
     return [[{
       type: "bar", x: places, y: robot.bars.map((bar) => bar[2]), width: 0.046, marker: { color: "#5b8db3" },
@@ -136,7 +137,10 @@
         tickvals: ticks.map(Math.log10), ticktext: ticks.map((tick) => String(+tick.toPrecision(1))), ticksuffix: "",
         range: [low, high], title: { text: "ms", standoff: 2, font: { size: 12 } },
       },
-      yaxis: { type: "log", exponentformat: "none", rangemode: "tozero" },
+      yaxis: {
+        type: "log", tickvals: Array.from({ length: 12 }, (_, decade) => 10 ** decade), exponentformat: "none",
+        range: [Math.log10(0.7), Math.log10(most * 1.6)],
+      },
     })];
   }
 
@@ -144,7 +148,7 @@
     const one = robot.axes[axis], name = safe(one.name);
     return [[
       {
-        type: "scatter", mode: "lines", ...unpacked(one.commanded), name: "commanded", line: { color: PALE, width: 2.6 },
+        type: "scatter", mode: "lines", ...unpacked(one.commanded), name: "commanded", line: { color: PALE, width: 4 },
         hovertemplate: "commanded %{y:.5f} rad<extra></extra>",
       },
       {
@@ -255,10 +259,7 @@
   }
 
   function fitPaper() {
-    const width = 690;
-    for (const plot of document.querySelectorAll(".plot")) {
-      if (plot.layout) Plotly.relayout(plot, { width: plot.dataset.panel === "histogram" || plot.dataset.panel === "latency" ? width / 2 : width });
-    }
+    for (const plot of document.querySelectorAll(".plot")) if (plot.layout) Plotly.relayout(plot, { width: PAPER });
   }
 
   async function start() {

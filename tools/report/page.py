@@ -9,8 +9,9 @@ import gzip
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from importlib import resources
-from typing import Final
+from typing import Final, NamedTuple
 from xml.etree.ElementTree import Element
 
 from hil.values.robot import JOINT_NAMES
@@ -42,15 +43,12 @@ class PageText:
 
 def build_page(text: PageText, robots: Sequence[RobotRecord]) -> bytes:
     """Return the page as UTF-8."""
-    from plotly.offline import get_plotlyjs
-
-    library, script = get_plotlyjs(), _part("page.js")
-    packed = base64.b64encode(gzip.compress(library.encode(), _LEVEL, mtime=0)).decode()
+    library, script = _library(), _part("page.js")
     data = json_text({"robots": [drawn(robot) for robot in robots]})
     head = node(
         "head",
         node("meta", charset="utf-8"),
-        node("meta", http_equiv="Content-Security-Policy", content=_policy(script, library)),
+        node("meta", http_equiv="Content-Security-Policy", content=_policy(_digest(script), library.digest)),
         node("meta", name="viewport", content="width=device-width, initial-scale=1"),
         node("meta", name="referrer", content="no-referrer"),
         node("title", text.title),
@@ -60,15 +58,33 @@ def build_page(text: PageText, robots: Sequence[RobotRecord]) -> bytes:
         "body",
         node("main", *_top(text), *map(_robot, robots), *_run(text), _foot()),
         node("script", data, id="data", type="application/json"),
-        node("script", packed, id="library", type="application/octet-stream"),
+        node("script", library.packed, id="library", type="application/octet-stream"),
         node("script", script),
     )
     page = "<!DOCTYPE html>\n" + to_html(node("html", head, body, lang="en")) + "\n"
     return page.encode("utf-8", "replace")
 
 
-def _policy(*scripts: str) -> str:
-    digests = (base64.b64encode(hashlib.sha256(one.encode()).digest()).decode() for one in scripts)
+class _Library(NamedTuple):
+    """The drawing library."""
+
+    packed: str
+    digest: str
+
+
+@cache
+def _library() -> _Library:
+    from plotly.offline import get_plotlyjs
+
+    text = get_plotlyjs()
+    return _Library(base64.b64encode(gzip.compress(text.encode(), _LEVEL, mtime=0)).decode(), _digest(text))
+
+
+def _digest(script: str) -> str:
+    return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+
+
+def _policy(*digests: str) -> str:
     allowed = " ".join(f"'sha256-{digest}'" for digest in digests)
     # Plotly makes its style sheet, and its pictures, in the page itself.
     return (
@@ -102,6 +118,7 @@ def _robot(robot: RobotRecord) -> Element:
     notes = [node("p", f"Note: {note}", class_="quiet") for note in robot.notes]
     findings = _card("Findings", tables.findings(robot))
     found = bool(findings_of(robot))
+    told = "All the controller told of itself" if robot.inside_known else "Counts"
     return node(
         "section",
         heading,
@@ -109,13 +126,13 @@ def _robot(robot: RobotRecord) -> Element:
         tables.pairs(robot.figures),
         findings if found else None,
         node("div", *_plots(robot), node("div", class_="cursor screen"), class_="plots"),
-        _card("Margins", _caption("how much of each limit was used, the closest first"), tables.margins(robot)),
+        _card("Margins", tables.margins(robot)),
         _accounting(robot),
         None if found else findings,
         _card("Dropped packets", tables.dropped(robot)),
         _details(f"What happened, in order ({robot.events})", tables.happened(robot)),
         _details("Configuration", tables.settings(robot.configuration)),
-        _details("All the controller told of itself", tables.settings(robot.report)),
+        _details(told, tables.settings(robot.report)),
         class_="robot",
     )
 

@@ -60,7 +60,7 @@ class Lane:
 
     def end(self, at_s: float) -> None:
         """Nothing is known of what comes after ``at_s``."""
-        if self._label:
+        if self._label and at_s > self._since_s:
             if len(self.spans) < _MOST_SPANS:
                 self.spans.append(Span(self._since_s, at_s, self._label, self._reason))
             else:
@@ -143,6 +143,8 @@ class RobotRecord:
     """Whose positions the commanded ones are, in words."""
     speed_is: str
     """How the flange speed is known, in words."""
+    inside_known: bool
+    """Whether it comes from a controller, not from packets alone."""
     budget_ms: float | None = None
     """What an answer of the FRI client may take."""
     t1_mm_s: float = 250.0

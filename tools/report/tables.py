@@ -16,13 +16,15 @@ _SHOWN_ELSEWHERE: Final = frozenset(
 _MOST_ROWS: Final = 400
 _MOST_DEPTH: Final = 8
 _NEAR: Final = 0.9
+_NOT_JUDGED: Final = "Packets are shown here, not judged; hil doctor capture judges them one by one."
 
 
 def findings(robot: RobotRecord) -> Element:
     """What was diagnosed: sentence, evidence and what helps."""
     found = findings_of(robot)
     if not found:
-        return node("p", "Nothing was diagnosed in this run.", class_="quiet")
+        nothing = "Nothing was diagnosed in this run." if robot.inside_known else _NOT_JUDGED
+        return node("p", nothing, class_="quiet")
     return node("div", *(_finding(one) for one in found))
 
 
@@ -30,9 +32,10 @@ def margins(robot: RobotRecord) -> Element:
     """How much of each limit was used, the closest first."""
     told = robot.report.get("margins")
     if not isinstance(told, Mapping) or not told:
-        return node("p", "Margins are inside the controller; packets do not show them.", class_="quiet")
+        return node("p", "Margins are inside the controller: packets do not show them.", class_="quiet")
     limits = sorted(told.items(), key=lambda one: -_number(one[1], "used"))
-    return node("div", *(_margin(str(name), margin) for name, margin in limits), class_="margins")
+    bars = (_margin(str(name), margin) for name, margin in limits)
+    return node("div", node("p", "How much of each limit was used, the closest first", class_="quiet"), *bars)
 
 
 def dropped(robot: RobotRecord) -> Element:
@@ -113,10 +116,11 @@ def _margin(name: str, margin: object) -> Element:
     used, at_s = _number(margin, "used"), _number(margin, "at_s")
     axis = _mapping(margin).get("axis")
     level = "bad" if used > 1.0 else "warning" if used >= _NEAR else "good"
+    share = "< 0.1%" if 0.0 < used < 0.0005 else f"{used:.1%}"
     bar = node("div", node("div", class_=f"fill {level}", style=f"width:{min(used, 1.0):.2%}"), class_="bar")
     where = f"at {at_s:.3f} s" + ("" if axis is None else f", {axis}") if used else "not used"
     return node(
-        "div", node("span", name, class_="name"), bar, node("span", f"{used:.1%}", class_="share"),
+        "div", node("span", name, class_="name"), bar, node("span", share, class_="share"),
         node("span", where, class_="quiet"), class_="margin",
     )  # fmt: skip
 
