@@ -53,7 +53,12 @@
     },
   ];
 
-  const bytes = (text) => Uint8Array.from(atob(text), (one) => one.charCodeAt(0)).buffer;
+  function bytes(text) {
+    const packed = atob(text), found = new Uint8Array(packed.length);
+    for (let at = 0; at < packed.length; at++) found[at] = packed.charCodeAt(at);
+    return found.buffer;
+  }
+
   const unpacked = (series) => ({
     x: Float64Array.from(new Uint32Array(bytes(series.x)), (steps) => steps * series.step),
     y: new Float32Array(bytes(series.y)),
