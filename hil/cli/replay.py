@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from hil.cli.file_progress import file_progress
+from hil.cli.reading_bar import reading_bar
 from hil.values.errors import UsageError
 from hil.values.fri import Release, SessionState
 
@@ -72,7 +72,7 @@ def replay(  # noqa: PLR0917  # typer makes the options of the parameters; nobod
         from hil.replay.drawing import Drawing
 
         drawing = Drawing(plot)
-    with file_progress(f"replay {file.name}", shown=not alone and sys.stderr.isatty()) as progress:
+    with reading_bar("replay", file, shown=not alone and sys.stderr.isatty()) as progress:
         result = replay_file(
             file,
             wish=Wish(fri_version, robot, backend) if elsewhere else None,

@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from hil.cli.file_progress import file_progress
+from hil.cli.reading_bar import reading_bar
 from hil.values.fri import Release
 
 _UNREADABLE = 2
@@ -41,7 +41,7 @@ def report(  # noqa: PLR0917  # typer makes the options of the parameters; nobod
     from tools.report.making import make_report
 
     page = file.with_name(f"{file.name}.html") if output is None else output
-    with file_progress(f"report {file.name}", shown=sys.stderr.isatty()) as progress:
+    with reading_bar("report", file, shown=sys.stderr.isatty()) as progress:
         made = make_report(file, page, wish=Wish(fri_version, robot), key_file=servo_key, progress=progress)
     console = Console(highlight=False)
     console.print(escape(made.verdict), soft_wrap=True)

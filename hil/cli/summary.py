@@ -59,7 +59,10 @@ def _figures(robot: dict[str, Any]) -> dict[str, str]:
         drops = ", ".join(f"{reason} {count}" for reason, count in packets["dropped"].items() if count)
         figures |= {
             "session": f"{robot['session']['state']}, quality {robot['session']['quality']}",
+            "our send lateness": _distribution(robot["answer_path_us"]["send_lateness"]),
             "answer latency": _distribution(robot["answer_latency_us"]),
+            "our use lateness": _distribution(robot["answer_path_us"]["use_lateness"]),
+            "late or missing": _at_fault(robot["answers_at_fault"]),
             "packets": f"{packets['sent']} sent, {packets['received']} received, {packets['accepted']} accepted",
             "dropped": drops or "none",
         }
@@ -76,6 +79,17 @@ def _servo_figures(servo: dict[str, Any]) -> dict[str, str]:
         "requests": f"{servo['requests_taken']} taken, {servo['requests_refused']} refused",
         "servo packets": f"{packets['sent']} sent, {packets['received']} received; dropped: {drops or 'none'}",
     }
+
+
+def _at_fault(counts: dict[str, Any]) -> str:
+    """Return late and missing answers by whose fault."""
+    names = {"controller": "this controller", "peer_or_wire": "peer or wire", "both": "both"}
+    told = [
+        f"{sum(of.values())} {what} ({', '.join(f'{count} {names[whose]}' for whose, count in of.items() if count)})"
+        for what in ("late", "missing")
+        if any((of := counts[what]).values())
+    ]
+    return ", ".join(told) or "none"
 
 
 def _operator(operator: dict[str, Any]) -> str:

@@ -192,6 +192,9 @@ class Controller:
         return {
             "ticks": self.ticks,
             "answer_latency_us": fri.answer_latency.summary_us() if fri is not None else None,
+            "answer_path_us": fri.path.report() if fri is not None else None,
+            "answers_at_fault": fri.diagnosis.report() if fri is not None else None,
+            "slowest_answers": [one.as_dict() for one in fri.path.worst] if fri is not None else [],
             "session": fri.log.report(fri.quality) if fri is not None else None,
             "packets": fri.counters.report() if fri is not None else None,
             "servo": self._servo.report() if self._servo is not None else None,
@@ -213,6 +216,16 @@ class Controller:
     def servo(self) -> ServoLink | None:
         """The servo link, to be looked at."""
         return self._servo
+
+    @property
+    def cycle_ns(self) -> int:
+        """Time from one tick to the next."""
+        return self._settings.cycle_ns
+
+    @property
+    def findings(self) -> FindingLog:
+        """What was diagnosed, to be looked at."""
+        return self._findings
 
     @property
     def signals(self) -> SignalTable:
@@ -283,6 +296,7 @@ class Controller:
             gate=OverlayGate(
                 setup=ControlSetup(settings.fri.control, settings.load), validation=validation, kinematics=kinematics
             ),
+            findings=self._findings,
             emit=self._events.append,
             stop=self._safety.stop,
         )

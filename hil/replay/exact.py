@@ -34,8 +34,8 @@ from transport.servo import ServoCodec
 
 _MAX_KEPT_INPUTS = 64
 _MAX_SOURCES = 1024
-_LAST_NS = 1 << 62
-"""146 years: the core is not told of a later time, nor of one so long before the run."""
+_LAST_NS = 1 << 61
+"""73 years: the core is not told of a later time, nor of one so long before the run."""
 
 
 class Sink(Protocol):
@@ -149,6 +149,10 @@ class ExactReplay:
         """Release the robot sides."""
         for robot in self._robots:
             robot.parts.backend.close()
+
+    def controllers(self) -> list[tuple[str, Controller]]:
+        """Return the fresh controllers by the name of their robot, to be looked at when the recording is over."""
+        return [(robot.start.name, robot.controller) for robot in self._robots]
 
     def packet(self, packet: Packet) -> None:
         """Take a datagram: hand it to the core it was sent to, or compare it with what the core said."""

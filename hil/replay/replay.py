@@ -63,23 +63,14 @@ def replay_file(
     A complete recording of ours goes through a fresh controller to the byte; any other is compared with an emulator
     that is set up as the recording looks. ``key_file`` is the servo link's key, where it is not where it was.
     """
-    header = header_of(file, key_file=key_file)
-    if wish is None and header is not None and is_whole(file, header):
+    header = read_header(read_section_comment(file))
+    if header is not None and key_file is not None:
+        header = header.with_key(key_file)
+    if wish is None and header is not None and own_header(file) is not None:
         return replay_own(file, header, progress=progress, pace=pace, update=update, watch=watch)
     if update:
         raise UsageError(f"{file} was not recorded by fri-hil from the start of a run: it has no outputs to update")
     return replay_elsewhere(file, header, wish or Wish(), progress=progress, pace=pace, watch=watch)
-
-
-def header_of(file: Path, *, key_file: Path | None = None) -> CaptureHeader | None:
-    """Return what ``file`` says of its run, None where it is none of ours; raise ``CaptureError``."""
-    header = read_header(read_section_comment(file))
-    return header if header is None or key_file is None else header.with_key(key_file)
-
-
-def is_whole(file: Path, header: CaptureHeader) -> bool:
-    """Whether ``file`` holds a run of ours from its start on, so that a fresh controller can be told all of it."""
-    return header.complete and first_and_number(file)[1] == 1 and _has_notes(file)
 
 
 def replay_elsewhere(
@@ -187,6 +178,14 @@ def _looked_through(packets: Iterator[Packet], wish: Wish) -> dict[tuple[Address
     return flows
 
 
+def own_header(file: Path) -> CaptureHeader | None:
+    """Return the header of a complete recording of ours, which can be replayed exactly; None where it is none."""
+    header = read_header(read_section_comment(file))
+    if header is None or not header.complete or first_and_number(file)[1] != 1 or not _has_notes(file):
+        return None
+    return header
+
+
 def _has_notes(file: Path) -> bool:
     """Whether the recorder's notes are there: a program that copied the packets leaves them behind."""
     with suppress(CaptureError):
@@ -203,8 +202,12 @@ def replay_own(
     update: bool = False,
     watch: Watcher | None = None,
     observe: Observe | None = None,
+    finished: Callable[[ExactReplay], None] | None = None,
 ) -> ReplayResult:
-    """Replay a complete recording of ours; with ``update`` its outputs become those of the emulator."""
+    """Replay a complete recording of ours; with ``update`` its outputs become those of the emulator.
+
+    ``finished`` is shown the replay when the recording is over, before its robot sides are released.
+    """
     result = ReplayResult(str(file), own=True)
     recorded = header.machine.get(ARITHMETIC)
     result.other_arithmetic = recorded is not None and recorded != arithmetic_fingerprint()
@@ -226,6 +229,8 @@ def replay_own(
             reason = f"the controller it tells of cannot be made here: {error}"
             raise CaptureError(file, reason, offset=0) from error
         _feed(replay, parts, result, progress)
+        if finished is not None:
+            finished(replay)
         result.took_s = (elapsed_ns() - began_ns) / 1e9
         if rewrite is not None and not result.damage:
             rewrite.keep()

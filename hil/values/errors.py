@@ -18,6 +18,7 @@ Every message says what, where, the value, and what would have been valid.
 
 from collections.abc import Iterable
 
+from hil.values.fri import Release
 from hil.values.outcomes import Outcome
 
 
@@ -62,10 +63,13 @@ class PeerError(HilError):
 
 
 class MalformedDatagram(PeerError):
-    """Bytes that are not a message of the configured release; ``outcome`` names the counter."""
+    """Bytes that are not a message of the configured release; ``outcome`` names the counter.
 
-    def __init__(self, outcome: Outcome, detail: str) -> None:
-        self.outcome, self.detail = outcome, detail
+    ``looks_like`` is the release whose message they could be; None where they are none of any.
+    """
+
+    def __init__(self, outcome: Outcome, detail: str, *, looks_like: Release | None = None) -> None:
+        self.outcome, self.detail, self.looks_like = outcome, detail, looks_like
         super().__init__(f"{outcome.value}: {detail}")
 
 

@@ -21,6 +21,8 @@ class Whose(StrEnum):
     WIRE = "wire"
     PEER_OR_WIRE = "peer or wire"
     """What was measured cannot tell the two apart."""
+    BOTH = "both"
+    """This emulator and the other side."""
     APPLICATION = "application"
     """What the program asks for, and when it asks."""
     CONFIGURATION = "configuration"

@@ -7,6 +7,7 @@ from typing import Final
 
 from hil.config.station import RobotConfig
 from hil.core.controller import FRI_LINK, Controller
+from hil.core.events import Event
 from hil.core.servo.link import SERVO_LINK
 from hil.runtime.assembly import make_controller, open_parts
 from hil.runtime.file_recorder import record_one_robot
@@ -85,22 +86,38 @@ class VirtualRun:
         self.now_ns += self._period_ns
         due, self._coming = self._coming, []
         for at_ns, source, datagram in sorted(due, key=lambda one: one[0]):
-            if at_ns > self.now_ns:
+            if at_ns > self.read_until_ns():
                 self._coming.append((at_ns, source, datagram))
                 continue
             self.controller.receive(datagram, source, now_ns=at_ns)
             self.journal.received(datagram, source.address, BOUND[source.link], at_ns=at_ns)
-        lateness_ns = self._random.randrange(20_000, 120_000)
+        lateness_ns = self.lateness_ns()
         departed_ns = self.now_ns + lateness_ns + self._random.randrange(50_000, 90_000)
         self.controller.tick(now_ns=self.now_ns, lateness_ns=lateness_ns)
         self.journal.ticked(due_ns=self.now_ns, lateness_ns=lateness_ns, departed_ns=departed_ns)
         self._send(departed_ns)
-        self.controller.events()
+        self.events(self.controller.events())
+
+    def events(self, events: list[Event]) -> None:
+        """Take what the controller tells of a cycle; here nobody listens."""
 
     def _send(self, departed_ns: int) -> None:
         said = self.controller.outgoing(now_ns=departed_ns)
         for one in said:
             self.journal.sent(one.payload, BOUND[one.link], one.destination or PEER, at_ns=departed_ns)
         for source, datagram in self._client.answer(said):
-            answered_ns = departed_ns + self._random.randrange(_SHORTEST_ANSWER_NS, _LONGEST_ANSWER_NS)
-            self._coming.append((answered_ns, source, datagram))
+            answer_ns = self.answer_ns()
+            if answer_ns is not None:
+                self._coming.append((departed_ns + answer_ns, source, datagram))
+
+    def read_until_ns(self) -> int:
+        """Return until when datagrams came that the coming cycle finds read."""
+        return self.now_ns
+
+    def lateness_ns(self) -> int:
+        """Return how late the cycle begins that is due at ``now_ns``."""
+        return self._random.randrange(20_000, 120_000)
+
+    def answer_ns(self) -> int | None:
+        """Return how long the client takes for its answer to what was just sent; None: it never comes."""
+        return self._random.randrange(_SHORTEST_ANSWER_NS, _LONGEST_ANSWER_NS)

@@ -16,15 +16,14 @@ from hil.replay.replay import (
     ProgressTold,
     Wish,
     flows_of,
-    header_of,
-    is_whole,
+    own_header,
     records_of,
     replay_own,
     tell_why_not_own,
 )
 from hil.replay.result import ReplayResult
 from hil.runtime.assembly import RobotParts
-from hil.runtime.capture_header import CaptureHeader, RobotStart
+from hil.runtime.capture_header import CaptureHeader, RobotStart, read_header
 from hil.runtime.lifetime import check_result_file
 from hil.values.errors import UsageError
 from hil.values.link import Address
@@ -35,6 +34,7 @@ from tools.report.page import PageText, build_page
 from tools.report.record import RobotRecord
 from tools.report.verdict import verdict_of
 from transport.capture.parts import parts_from
+from transport.capture.reading import read_section_comment
 from transport.capture.records import Packet
 
 _ONLY_PACKETS: Final = (
@@ -69,8 +69,9 @@ def make_report(
     check_result_file(output)
     if output.exists() and any(output.samefile(part) for part in parts_from(capture)):
         raise UsageError(f"{output} is the capture itself; the page needs another name")
-    header = header_of(capture, key_file=key_file)
-    if header is not None and is_whole(capture, header):
+    header = own_header(capture)
+    if header is not None:
+        header = header if key_file is None else header.with_key(key_file)
         if wish is not None and any(wish):
             names = ", ".join(robot.model for robot in header.station.robot)
             raise UsageError(
@@ -78,6 +79,7 @@ def make_report(
             )
         text, robots, damage = _of_own(capture, header, progress)
     else:
+        header = read_header(read_section_comment(capture))
         text, robots, damage = _from_packets(capture, header, wish or Wish(), progress)
     page = build_page(text, robots)
     _write(output, page)

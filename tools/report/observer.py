@@ -20,6 +20,7 @@ from hil.core.events import (
     StateChanged,
     WouldHaveStopped,
 )
+from hil.core.fri.link import FriLink
 from hil.core.model import ArmModel
 from hil.core.motion.executive import Phase
 from hil.runtime.assembly import RobotParts
@@ -55,8 +56,9 @@ class RobotObserver:
         self._controller = controller
         self._model = model
         self._told = controller.motion.set_point
+        self._answers: object = None
+        """Those that the last cycle used that had any; another list whenever a cycle has some."""
         if controller.fri is not None:
-            controller.fri.on_answer = self._answered
             self.record.lane("session").change(0.0, controller.fri.state.name)
             self.record.lane("quality").change(0.0, controller.fri.quality.name)
         if controller.servo is not None:
@@ -78,6 +80,8 @@ class RobotObserver:
         record.end_s = at_s
         motion = controller.motion
         self._told = motion.set_point
+        if controller.fri is not None:
+            self._look_at_answers(controller.fri)
         if motion.phase is not self._phase:
             self._phase = motion.phase
             record.lane("arm").change(at_s, motion.phase.value)
@@ -91,9 +95,13 @@ class RobotObserver:
         self.record.report = self._controller.report()
         self.record.finish()
 
-    def _answered(self, age_ns: int, now_ns: int) -> None:
+    def _look_at_answers(self, fri: FriLink) -> None:
+        if not fri.path.used or fri.path.used is self._answers:
+            return
+        self._answers = fri.path.used
         record = self.record
-        record.latencies.add(now_ns * _NS, age_ns * _NS_AS_MS, budget_ms=record.budget_ms or 0.0)
+        for received_ns, age_ns, _ in fri.path.used:
+            record.latencies.add(received_ns * _NS, age_ns * _NS_AS_MS, budget_ms=record.budget_ms or 0.0)
 
     def _look_at_pad(self, view: OperatorView, at_s: float) -> None:
         self._view = view

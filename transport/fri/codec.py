@@ -21,6 +21,8 @@ from transport.fri.writing import MonitoringWriter
 _HEADER_BYTES = 10
 """Smallest message: a header submessage whose three varints take at least 4, 2 and 2 bytes, and its own tag."""
 
+_BY_TRANSFORMATION = {TRAITS[release].transformation_values: release for release in (Release.V1_15, Release.V2_5)}
+
 _M = TypeVar("_M", fri_pb2.CommandMessage, fri_pb2.MonitoringMessage)
 
 
@@ -93,6 +95,7 @@ class FriCodec:
             raise MalformedDatagram(
                 Outcome.OTHER_RELEASE,
                 f"a message without length and CRC, as releases 1.x and 2.5 send it, not {self._release}",
+                looks_like=_bare_release(from_string(datagram)),
             )
         raise MalformedDatagram(Outcome.FRAMING, str(reason))
 
@@ -103,24 +106,37 @@ class FriCodec:
                 return MalformedDatagram(
                     Outcome.OTHER_RELEASE,
                     f"a message with length and CRC, as release 2.7 sends it, not {self._release}",
+                    looks_like=Release.V2_7,
                 )
         return MalformedDatagram(Outcome.UNDECODABLE, f"{len(datagram)} bytes are no protobuf message of FRI")
 
     def _check_command(self, data: CommandData) -> None:
         traits = self._traits
         if not traits.pose and (data.pose is not None or data.redundancy is not None):
-            raise self._other_release("a Cartesian pose, which only 2.x has")
+            raise self._other_release("a Cartesian pose, which only 2.x has", Release.V2_5)
         if not traits.inputs_outputs and data.inputs_outputs:
-            raise self._other_release("outputs, which exist from 1.14 on")
+            raise self._other_release("outputs, which exist from 1.14 on", Release.V1_14)
         for transformation in (*data.transformations, *(() if data.pose is None else (data.pose,))):
             if len(transformation.values) != traits.transformation_values:
+                count = len(transformation.values)
                 raise self._other_release(
-                    f"a transformation of {len(transformation.values)} numbers, "
-                    f"where {traits.transformation_values} are needed"
+                    f"a transformation of {count} numbers, where {traits.transformation_values} are needed",
+                    _BY_TRANSFORMATION.get(count) if not self._framed else None,
                 )
 
-    def _other_release(self, what: str) -> MalformedDatagram:
-        return MalformedDatagram(Outcome.OTHER_RELEASE, f"the command carries {what}; configured: {self._release}")
+    def _other_release(self, what: str, looks_like: Release | None) -> MalformedDatagram:
+        detail = f"the command carries {what}; configured: {self._release}"
+        return MalformedDatagram(Outcome.OTHER_RELEASE, detail, looks_like=looks_like)
+
+
+def _bare_release(wire: fri_pb2.CommandMessage | fri_pb2.MonitoringMessage) -> Release:
+    """Return the release of a message without frame: what no 2.5 sends is 1.x, the rest may as well be 2.5."""
+    if isinstance(wire, fri_pb2.CommandMessage):
+        # To a message it cannot read a client answers nothing, so this is an answer in monitoring at most.
+        one = wire.HasField("command") and wire.command.HasField("position")
+    else:
+        one = wire.HasField("monitor") and wire.monitor.HasField("commanded_position")
+    return Release.V1_15 if one else Release.V2_5
 
 
 def _speaks(body: bytes, from_string: Callable[[bytes], _M], identifier: int) -> bool:

@@ -2,6 +2,8 @@
 
 import typer
 
+from hil.cli.doctor import capture
+
 app = typer.Typer(
     help="Whose fault was it: one sentence, and the evidence below it. Exit code 0: nothing found, 1: something is "
     "wrong, 2: it could not be looked at.",
@@ -12,3 +14,6 @@ app = typer.Typer(
 @app.callback()
 def doctor() -> None:
     """Whose fault was it: one sentence, and the evidence below it."""
+
+
+app.command("capture")(capture.capture)

@@ -52,6 +52,11 @@ class FindingLog:
             kept.told_ns = now_ns
             self._emit(Diagnosed(now_ns, finding))
 
+    def worst(self) -> list[Finding]:
+        """Return the worst finding of each kind and subject, the worst first."""
+        kept = sorted(self._kept.values(), key=lambda one: (-one.worst.severity.value, one.first_ns))
+        return [one.worst for one in kept]
+
     def report(self) -> list[dict[str, object]]:
         """Return them for the status file, the worst first; times in seconds."""
         kept = sorted(self._kept.items(), key=lambda item: (-item[1].worst.severity.value, item[1].first_ns))

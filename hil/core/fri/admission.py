@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 from hil.core.fri.sequence import SequenceTracker
 from hil.values.errors import MalformedDatagram
+from hil.values.fri import Release
 from hil.values.fri_messages import CommandMessage, ControllerCodec
 from hil.values.link import Address
 from hil.values.outcomes import Outcome
@@ -33,6 +34,10 @@ class Dropped(NamedTuple):
 
     outcome: Outcome
     detail: str
+    looks_like: Release | None = None
+    """The release that the client seems to speak, where that is why."""
+    overtaken: tuple[int, int] | None = None
+    """The message that a reordered answer is to, and its age then in nanoseconds."""
 
 
 class Admission:
@@ -51,12 +56,12 @@ class Admission:
         try:
             message = self._codec.decode_command(datagram)
         except MalformedDatagram as error:
-            return Dropped(error.outcome, error.detail)
+            return Dropped(error.outcome, error.detail, error.looks_like)
         tracker, counter, reflected = self._tracker, message[0], message[1]
         age_ns = tracker.fresh_age_ns(reflected, now_ns=now_ns)
         if age_ns is None:
-            outcome, _, detail = tracker.judge(reflected, now_ns=now_ns)
-            return Dropped(outcome, detail)
+            outcome, age_ns, detail = tracker.judge(reflected, now_ns=now_ns)
+            return Dropped(outcome, detail, None, (reflected, age_ns) if outcome is Outcome.REORDERED else None)
         before = tracker.client_counter
         restarted_from = before if tracker.answered(reflected, counter) else None
         if age_ns <= self._budget_ns:

@@ -1,6 +1,7 @@
 """Which answers are due: one for every ``receive_multiplier`` messages, whichever of them the client picks."""
 
 from collections import deque
+from collections.abc import Callable
 
 from hil.core.fri.quality import QualityMeter
 from hil.core.fri.sequence import counter_distance
@@ -10,10 +11,19 @@ from hil.values.fri import SEQUENCE_MODULUS
 class ExpectedAnswers:
     """Feeds the quality meter: a window of messages is answered in time once, or missed when its budget is over."""
 
-    def __init__(self, *, receive_multiplier: int, budget_ns: int, meter: QualityMeter) -> None:
+    def __init__(
+        self,
+        *,
+        receive_multiplier: int,
+        budget_ns: int,
+        meter: QualityMeter,
+        on_missed: Callable[[int, int, int], None] = lambda _counter, _departed_ns, _now_ns: None,
+    ) -> None:
+        """``on_missed`` is told of a window that is missed: its first message, when its last one left, and now."""
         self._multiplier = receive_multiplier
         self._budget_ns = budget_ns
         self._meter = meter
+        self._on_missed = on_missed
         self._pending: deque[tuple[int, int]] = deque()
         """Of each complete window: the counter of its first message, and when its last one was sent."""
         self._first_counter: int | None = None
@@ -43,25 +53,28 @@ class ExpectedAnswers:
         if self._closed_by_last and self._pending:
             self._pending[-1] = (self._pending[-1][0], at_ns)
 
-    def answered(self, reflected: int, *, age_ns: int, now_ns: int) -> None:
-        """A fresh answer came; only one within the budget counts for its window, and only the first."""
+    def answered(self, reflected: int, *, age_ns: int, now_ns: int) -> bool:
+        """A fresh answer came; only one within the budget counts for its window, and only the first: whether it did."""
         if age_ns > self._budget_ns:
-            return
+            return False
         pending = self._pending
         for place, (first, _) in enumerate(pending):
             if (reflected - first) % SEQUENCE_MODULUS < self._multiplier:
                 del pending[place]
                 self._meter.answered(now_ns=now_ns, latency_ns=age_ns)
-                return
+                return True
         if self._in_open_window(reflected) and not self._open_answered:
             self._open_answered = True
             self._meter.answered(now_ns=now_ns, latency_ns=age_ns)
+            return True
+        return False
 
     def expire(self, *, now_ns: int) -> None:
         """Count the windows whose time is over as missed."""
         while self._pending and now_ns - self._pending[0][1] >= self._budget_ns:
-            self._pending.popleft()
+            counter, departed_ns = self._pending.popleft()
             self._meter.missed(now_ns=now_ns)
+            self._on_missed(counter, departed_ns, now_ns)
 
     def _in_open_window(self, reflected: int) -> bool:
         return (

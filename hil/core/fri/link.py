@@ -4,11 +4,14 @@ Bytes and times in (:meth:`FriLink.receive`), decisions once a cycle (:meth:`Fri
 (:meth:`FriLink.message`). It moves nothing but the :class:`MotionExecutive` it is given.
 """
 
-from collections import deque
 from collections.abc import Callable
 from typing import Final
 
 from hil.core.counters import EVENT_INTERVAL_NS, PacketCounters
+from hil.core.diagnosis.answer_path import AnswerPath
+from hil.core.diagnosis.connection import ConnectionDiagnosis
+from hil.core.diagnosis.findings import FindingLog
+from hil.core.diagnosis.release_mix_up import doubted_client, undecodable_client
 from hil.core.events import ClientRestarted, Event, QualityChanged, ReleaseDoubted
 from hil.core.fri.admission import Admission, Dropped
 from hil.core.fri.commander import OverlayCommander
@@ -27,7 +30,8 @@ from hil.core.motion.executive import MotionExecutive, Phase
 from hil.core.settings import NS_PER_MS, FriSettings
 from hil.core.statistics import Histogram
 from hil.values.arm import ArmState
-from hil.values.fri import TRAITS, OverlayKind, Quality, SessionState
+from hil.values.finding import Finding
+from hil.values.fri import TRAITS, OverlayKind, Quality, Release, SessionState
 from hil.values.fri_messages import CommandData, CommandMessage, ControllerCodec
 from hil.values.link import Address
 from hil.values.motion import Fault
@@ -60,6 +64,7 @@ class FriLink:
         transformations: RequestedTransformations,
         kinematics: SrsKinematics,
         gate: OverlayGate,
+        findings: FindingLog,
         emit: Callable[[Event], None],
         stop: Callable[[Fault, int], bool],
     ) -> None:
@@ -76,8 +81,21 @@ class FriLink:
         self._budget_ns, self._watchdog_ns = settings.budget_ns, settings.watchdog_ns
         self._tracker = SequenceTracker(first_counter=settings.first_sequence_counter)
         self._meter = QualityMeter(budget_ns=self._budget_ns, rise_ns=settings.quality_rise_ms * NS_PER_MS)
+        self._cycle_ns = cycle_ms * NS_PER_MS
+        self.path = AnswerPath(budget_ns=self._budget_ns)
+        self._findings = findings
+        self.diagnosis = ConnectionDiagnosis(
+            send_period_ms=settings.send_period_ms,
+            receive_multiplier=settings.receive_multiplier,
+            path=self.path,
+            meter=self._meter,
+            add=self._find,
+        )
         self._expected = ExpectedAnswers(
-            receive_multiplier=settings.receive_multiplier, budget_ns=self._budget_ns, meter=self._meter
+            receive_multiplier=settings.receive_multiplier,
+            budget_ns=self._budget_ns,
+            meter=self._meter,
+            on_missed=self.diagnosis.missed,
         )
         self._admission = Admission(peer=settings.peer, codec=codec, tracker=self._tracker, budget_ns=self._budget_ns)
         self._known_quality = Quality.POOR
@@ -90,7 +108,8 @@ class FriLink:
             kinematics=kinematics,
             control=gate.setup,
         )
-        self._late_cycles_ns: deque[int] = deque(maxlen=1000)
+        self._leaving = False
+        """Whether a message of this cycle has not left yet."""
         self._now_ns = 0
         self._overlay_not_before_ns = 0
         self._release_doubted = False
@@ -102,9 +121,6 @@ class FriLink:
         self._heard: tuple[int, int] | None = None
         """Message that the last answer in time was to, and when that came."""
         self.counters = PacketCounters(FRI_DROPS)
-        self.answer_latency = Histogram()
-        self.on_answer: Callable[[int, int], None] | None = None
-        """Told the age of each answer that is timed, and when it came [ns]; for who looks on."""
         self.log = SessionLog(emit=emit)
 
     @property
@@ -118,6 +134,26 @@ class FriLink:
         return self._meter.quality
 
     @property
+    def client(self) -> Address:
+        """Where the client is."""
+        return self._settings.peer
+
+    @property
+    def release(self) -> Release:
+        """Release that is spoken."""
+        return self._codec.release
+
+    @property
+    def budget_ns(self) -> int:
+        """Time a client has for its answer."""
+        return self._budget_ns
+
+    @property
+    def answer_latency(self) -> Histogram:
+        """Of all answers, from the message's departure to the kernel's stamp, those too late included."""
+        return self.path.peer_and_wire
+
+    @property
     def commanding(self) -> bool:
         """True in COMMANDING_WAIT and COMMANDING_ACTIVE."""
         return self.log.state >= _COMMANDING_WAIT
@@ -128,13 +164,18 @@ class FriLink:
         admitted = self._admission.admit(datagram, sender, now_ns=now_ns)
         if isinstance(admitted, Dropped):
             self._drop(admitted.outcome, admitted.detail, now_ns)
+            if admitted.looks_like is not None:
+                self._note_release(admitted.looks_like, admitted.detail, now_ns)
+            elif admitted.overtaken is not None:
+                reflected, age_ns = admitted.overtaken
+                self.diagnosis.uncounted(reflected, age_ns=age_ns, now_ns=now_ns, overtaken=True)
+                self.path.arrived.append((now_ns, age_ns, reflected))
             return
         message, age_ns, outcome, detail, restarted_from = admitted
         reflected = message.reflected_sequence_counter
-        self._expected.answered(reflected, age_ns=age_ns, now_ns=now_ns)
-        self.answer_latency.add(age_ns)
-        if self.on_answer is not None:
-            self.on_answer(age_ns, now_ns)
+        if not self._expected.answered(reflected, age_ns=age_ns, now_ns=now_ns):
+            self.diagnosis.uncounted(reflected, age_ns=age_ns, now_ns=now_ns)
+        self.path.arrived.append((now_ns, age_ns, reflected))
         if restarted_from is not None:
             self._note_restart(restarted_from, message.sequence_counter, now_ns)
         if outcome is not _ACCEPTED:
@@ -152,10 +193,14 @@ class FriLink:
 
         ``started_ns`` is when the cycle really began, ``barred`` why no overlay may start, empty when one may.
         """
+        self.path.began(now_ns, started_ns)
+        if now_ns - self._now_ns > self._cycle_ns:
+            self._note_missed_cycles(now_ns)
         self._expected.expire(now_ns=started_ns)
         self._now_ns = now_ns
-        if 2 * (started_ns - now_ns) > self._budget_ns:
-            self._late_cycles_ns.append(now_ns)
+        tell_at_ns = self.diagnosis.tell_at_ns
+        if tell_at_ns is not None and now_ns >= tell_at_ns:
+            self.diagnosis.tell(now_ns)
         state = self.log.state
         if state is _IDLE:
             if not closing:
@@ -191,11 +236,16 @@ class FriLink:
 
     def departed(self, *, now_ns: int) -> None:
         """The message of this cycle leaves at ``now_ns``, not when the cycle began."""
-        self._tracker.departed(at_ns=now_ns)
-        self._expected.departed(at_ns=now_ns)
+        # What leaves may be of the servo link alone: then the message sent last has left long ago.
+        if self._leaving:
+            self._leaving = False
+            self._tracker.departed(at_ns=now_ns)
+            self._expected.departed(at_ns=now_ns)
+            self.path.departed_ns = now_ns
 
     def close(self, arm: ArmState, *, operator: OperatorView, now_ns: int) -> bytes | None:
         """Close the session and return its last message, which says IDLE; None if it was not open."""
+        self.diagnosis.tell(now_ns, over=True)
         if self.log.state is SessionState.IDLE:
             return None
         self._go(Trigger.SESSION_CLOSED, "the robot application closes the session", now_ns)
@@ -207,6 +257,8 @@ class FriLink:
         if self._first_counter_of_state is None:
             self._first_counter_of_state = counter
         self._expected.sent(counter, at_ns=sent_ns)
+        self.path.sent(counter, now_ns, sent_ns)
+        self._leaving = True
         self.counters.sent += 1
         return self._codec.encode_monitoring(
             self._messages.build(
@@ -280,6 +332,25 @@ class FriLink:
             return
         self._release_doubted = True
         self._emit(ReleaseDoubted(now_ns, self._codec.release, echoes_positions=echoes))
+        # A client that only sets outputs answers without positions too, whatever its release.
+        if echoes or not (message.command or self._outputs.any):
+            found = doubted_client(self._codec.release, peer=str(self._settings.peer), echoes_positions=echoes)
+            self._find(found, "", now_ns)
+
+    def _note_release(self, looks_like: Release, detail: str, now_ns: int) -> None:
+        configured = self._codec.release
+        self._find(undecodable_client(looks_like, configured, peer=str(self._settings.peer), detail=detail), "", now_ns)
+
+    def _note_missed_cycles(self, now_ns: int) -> None:
+        # Messages go by cycles: what would have left in the missed ones leaves later, and so does all that follows.
+        missed_ns = now_ns - self._now_ns - self._cycle_ns
+        messages = missed_ns // (self._cycles_per_message * self._cycle_ns)
+        if messages and self.log.state is not _IDLE:
+            self.path.skip(messages, now_ns=now_ns)
+            self.diagnosis.skipped(messages, missed_ns, now_ns=now_ns)
+
+    def _find(self, finding: Finding, subject: str, now_ns: int) -> None:
+        self._findings.add(finding, subject=subject, now_ns=now_ns)
 
     def _answers_this_state(self, message: CommandMessage) -> bool:
         """Whether the client knew the present state; an answer to an earlier one says nothing about this one."""
@@ -294,6 +365,13 @@ class FriLink:
         meter = self._meter
         silent_ns = meter.missed_in_a_row * self._budget_ns
         if silent_ns >= self._watchdog_ns:
+            self.diagnosis.lost(
+                in_a_row=meter.missed_in_a_row,
+                silent_ns=silent_ns,
+                watchdog_ns=self._watchdog_ns,
+                heard=self._heard,
+                now_ns=now_ns,
+            )
             self._stop(
                 Fault(
                     "client lost",
@@ -364,7 +442,11 @@ class FriLink:
     def _own_lateness(self) -> str:
         """What this process did to the connection in the last second, in words; nothing when it was on time."""
         since_ns = self._now_ns - WINDOW_NS
-        late = sum(1 for at_ns in self._late_cycles_ns if at_ns > since_ns)
+        late = sum(
+            1
+            for due_ns, lateness_ns in self.path.late_cycles
+            if due_ns > since_ns and 2 * lateness_ns > self._budget_ns
+        )
         if not late:
             return ""
         return (
@@ -375,6 +457,8 @@ class FriLink:
     def _note_quality(self, now_ns: int) -> None:
         old, self._known_quality = self._known_quality, self._meter.quality
         self._emit(QualityChanged(now_ns, old, self._known_quality, self._meter.describe()))
+        if self._known_quality < old:
+            self.diagnosis.fell(old, self._known_quality, now_ns=now_ns, commanding=self.commanding)
 
     def _note_restart(self, before: int, counter: int, now_ns: int) -> None:
         if now_ns >= self._restart_told_before_ns:

@@ -21,6 +21,11 @@ class ClientOutputs:
         self._signals = signals
         self._emit = emit
 
+    @property
+    def any(self) -> bool:
+        """Whether there are outputs that the client could set."""
+        return any(io.direction == IODirection.OUTPUT for io in self._signals.on_wire())
+
     def refusal(self, values: tuple[IOValue, ...]) -> Refusal | None:
         """Return why these cannot be set, or None."""
         if len(values) > MAX_INPUTS_OUTPUTS:

@@ -31,6 +31,8 @@ class QualityMeter:
         self.quality = Quality.POOR
         self.missed_in_a_row = 0
         self.ever_answered = False
+        self.fell_at_ns: int | None = None
+        """When the answer was judged that lowered it last."""
 
     def answered(self, *, now_ns: int, latency_ns: int) -> None:
         """An expected answer came in time."""
@@ -52,6 +54,11 @@ class QualityMeter:
     def answered_count(self) -> int:
         """Answers in time in the window."""
         return self._answered
+
+    @property
+    def slow_count(self) -> int:
+        """Answers in time in the window that took half the budget or more."""
+        return self._answered - self._fast
 
     @property
     def rising(self) -> bool:
@@ -104,6 +111,8 @@ class QualityMeter:
         if figure < self.quality and 2 * len(self._window) < self._full_window:
             return
         if figure <= self.quality:
+            if figure < self.quality:
+                self.fell_at_ns = now_ns
             self.quality = figure
             self._better_since_ns = None
         elif self._better_since_ns is None:

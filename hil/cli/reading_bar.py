@@ -1,7 +1,8 @@
-"""A bar for what reads through a capture."""
+"""The progress bar of the commands that read a capture."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -11,8 +12,8 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def file_progress(title: str, *, shown: bool) -> "Iterator[ProgressTold | None]":
-    """Yield what is to be told of the progress; None where nothing is ``shown``."""
+def reading_bar(verb: str, file: Path, *, shown: bool) -> "Iterator[ProgressTold | None]":
+    """Show how far a capture is read: bytes of bytes, and in words how fast; nothing unless ``shown``."""
     if not shown:
         yield None
         return
@@ -20,7 +21,7 @@ def file_progress(title: str, *, shown: bool) -> "Iterator[ProgressTold | None]"
 
     columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[told]}"), TimeRemainingColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(title, total=None, told="")
+        task = progress.add_task(f"{verb} {file.name}", total=None, told="")
 
         def tell(read_bytes: int, whole_bytes: int, told: str) -> None:
             progress.update(task, completed=read_bytes, total=whole_bytes, told=told)

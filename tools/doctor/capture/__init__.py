@@ -1,0 +1,1 @@
+"""What a capture says of the sessions in it: one verdict, the evidence below it."""
