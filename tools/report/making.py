@@ -27,6 +27,7 @@ from hil.runtime.capture_header import CaptureHeader, RobotStart, read_header
 from hil.runtime.lifetime import check_result_file
 from hil.values.errors import UsageError
 from hil.values.link import Address
+from tools.doctor.capture.elsewhere import in_order
 from tools.report.figures import figures_from_packets, figures_of
 from tools.report.observer import RobotObserver
 from tools.report.packets import PacketObserver
@@ -164,14 +165,13 @@ def _from_packets(
         observers[flow.controller, flow.client] = PacketObserver(
             flow, name=name, model_name=model, model=arm, first_unix_ns=first_unix_ns
         )
-    for record in records_of(parts_from(capture), result, progress):
-        if not isinstance(record, Packet):
-            continue
-        source, destination = Address(*record.source), Address(*record.destination)
+    records = records_of(parts_from(capture), result, progress)
+    for packet in in_order(record for record in records if isinstance(record, Packet)):
+        source, destination = Address(*packet.source), Address(*packet.destination)
         if (sender := observers.get((source, destination))) is not None:
-            sender.sent(record)
+            sender.sent(packet)
         elif (receiver := observers.get((destination, source))) is not None:
-            receiver.answered(record)
+            receiver.answered(packet)
         else:
             result.strangers += 1
     if not observers:

@@ -23,16 +23,19 @@ from hil.core.events import (
 from hil.core.fri.link import FriLink
 from hil.core.model import ArmModel
 from hil.core.motion.executive import Phase
+from hil.core.settings import NS_PER_MS
 from hil.runtime.assembly import RobotParts
 from hil.runtime.capture_header import RobotStart
 from hil.values.fri import DriveState, Quality
 from hil.values.operator import OperatorView
 from hil.values.servo import Role
+from tools.doctor.capture.tables import slowest_table, split_table
 from tools.report.record import MarkKind, RobotRecord
 
 SHUTS_DOWN: Final = "the controller shuts down"
 _HOLDING: Final = Phase.HOLDING
 _NS: Final = 1e-9
+_SLOWEST: Final = 10
 _NS_AS_MS: Final = 1e-6
 
 
@@ -64,6 +67,7 @@ class RobotObserver:
         if controller.servo is not None:
             self.record.lane("application")
             self.record.lane("motion")
+        self._cycle_ns = config.cycle_ms * NS_PER_MS
         self._phase = _HOLDING
         self.record.lane("arm").change(0.0, _HOLDING.value)
         self._view: OperatorView | None = None
@@ -92,7 +96,16 @@ class RobotObserver:
 
     def finish(self) -> None:
         """Take what the controller says of itself at the end."""
-        self.record.report = self._controller.report()
+        controller, fri = self._controller, self._controller.fri
+        if fri is not None:
+            fri.diagnosis.tell(controller.ticks * self._cycle_ns, over=True)
+            for event in controller.events():
+                self._take(event)
+            self.record.evidence = [
+                split_table("each part, over all answers", fri.path.histograms),
+                slowest_table("the slowest answers [ms]", fri.path.worst, _SLOWEST, own=True),
+            ]
+        self.record.report = controller.report()
         self.record.finish()
 
     def _look_at_answers(self, fri: FriLink) -> None:

@@ -22,10 +22,17 @@ from hil.values.fri import (
 )
 from hil.values.fri_messages import MonitoringMessage
 from hil.values.robot import JOINT_COUNT, Seven
+from tools.doctor.capture.flow import FlowDiagnosis
+from tools.doctor.capture.tables import slowest_table, split_table
 from tools.report.record import NOT_KNOWN, MarkKind, RobotRecord
 from transport.capture.records import Packet
 from transport.fri import FriCodec
 
+_SLOWEST: Final = 10
+_PARTS: Final = {
+    "send_lateness": "send: behind the grid of its messages",
+    "peer_and_wire": "peer and wire: message to answer, at the capture's place",
+}
 _REMEMBERED: Final = 1024
 _LONGEST_STEP: Final = 1000
 """Of the sequence counter; positions that are further apart say nothing of a speed."""
@@ -59,6 +66,7 @@ class PacketObserver:
             },
             notes=list(flow.notes),
         )
+        self._diagnosis = FlowDiagnosis(flow, period_ms=None)
         self._codec = FriCodec(flow.release)
         self._model = model
         self._first_unix_ns = first_unix_ns
@@ -77,6 +85,7 @@ class PacketObserver:
 
     def sent(self, packet: Packet) -> None:
         """Take a datagram of the controller."""
+        self._diagnosis.sent(packet)
         try:
             message = self._codec.decode_monitoring(packet.payload)
         except MalformedDatagram as error:
@@ -93,6 +102,7 @@ class PacketObserver:
 
     def answered(self, packet: Packet) -> None:
         """Take a datagram of the client."""
+        self._diagnosis.answered(packet)
         try:
             message = self._codec.decode_command(packet.payload)
         except MalformedDatagram as error:
@@ -115,12 +125,19 @@ class PacketObserver:
         record = self.record
         told = record.commanded_is or "known: the messages carry no commanded positions, and no client commanded any"
         record.commanded_is = told
+        self._diagnosis.finish()
+        path = self._diagnosis.path
+        record.evidence = [
+            split_table("each part, over all answers", path.histograms, _PARTS),
+            slowest_table("the slowest answers [ms]", path.worst, _SLOWEST, own=False),
+        ]
         record.report = {
+            "findings": self._diagnosis.findings.report(),
             "packets": {
                 "messages of the controller": self.messages,
                 "answers of the client": self.answers,
                 "not understood": self.not_understood,
-            }
+            },
         }
         record.finish()
 

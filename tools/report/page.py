@@ -127,6 +127,7 @@ def _robot(robot: RobotRecord) -> Element:
         findings if found else None,
         node("div", *_plots(robot), node("div", class_="cursor screen"), class_="plots"),
         _card("Margins", tables.margins(robot)),
+        _card("Where the time of the answers went", *parts) if (parts := list(tables.evidence(robot))) else None,
         _accounting(robot),
         None if found else findings,
         _card("Dropped packets", tables.dropped(robot)),

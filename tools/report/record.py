@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.values.finding import EvidenceTable
 from hil.values.robot import JOINT_COUNT, Seven
 from tools.report.envelope import Envelope
 
@@ -171,6 +172,8 @@ class RobotRecord:
     """Key figures in words."""
     configuration: dict[str, object] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    evidence: list[EvidenceTable] = field(default_factory=list)
+    """Where the time of the answers went."""
 
     def lane(self, name: str) -> Lane:
         """Return the lane of that name; the order in which they are asked for first is that of the page."""

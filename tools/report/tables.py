@@ -16,15 +16,14 @@ _SHOWN_ELSEWHERE: Final = frozenset(
 _MOST_ROWS: Final = 400
 _MOST_DEPTH: Final = 8
 _NEAR: Final = 0.9
-_NOT_JUDGED: Final = "Packets are shown here, not judged; hil doctor capture judges them one by one."
+_NOTHING: Final = "Nothing was diagnosed."
 
 
 def findings(robot: RobotRecord) -> Element:
     """What was diagnosed: sentence, evidence and what helps."""
     found = findings_of(robot)
     if not found:
-        nothing = "Nothing was diagnosed in this run." if robot.inside_known else _NOT_JUDGED
-        return node("p", nothing, class_="quiet")
+        return node("p", _NOTHING, class_="quiet")
     return node("div", *(_finding(one) for one in found))
 
 
@@ -70,6 +69,14 @@ def accounting(robot: RobotRecord) -> Iterator[Element]:
         yield table([_words(column) for column in columns], rows, numbers=numbers)
         if len(records) > _MOST_ROWS:
             yield node("p", f"{len(records) - _MOST_ROWS} more are not shown.", class_="quiet")
+
+
+def evidence(robot: RobotRecord) -> Iterator[Element]:
+    """Tables of a diagnosis; those without rows are left out."""
+    for one in robot.evidence:
+        if one.rows:
+            yield node("h4", one.title)
+            yield table(one.columns, one.rows, numbers=range(1, len(one.columns)))
 
 
 def happened(robot: RobotRecord) -> Element:
