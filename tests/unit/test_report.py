@@ -294,7 +294,7 @@ def test_findings_come_first_with_their_evidence_and_remedies(tmp_path: Path) ->
     for text in ("21 ms between destinations", "set the minimum execution time to 32 ms", "7 times, 1.0 to 2.0 s"):
         assert text in page.text
     # Lists of records that nobody announced are tables.
-    for text in ("servo: motions", "superseded", "executed", "41", HOSTILE):
+    for text in ("Set points, motion by motion", "superseded", "executed", "41", HOSTILE):
         assert text in page.texts
     assert "img" not in {tag for tag, _ in page.tags}
 

@@ -10,10 +10,13 @@ from tools.report.record import RobotRecord
 from tools.report.verdict import findings_of, severity_of
 
 _SHOWN_ELSEWHERE: Final = frozenset(
-    {"findings", "stops", "margins", "session.history", "session.refused", "initial_position", "measured_position",
+    {"findings", "stops", "margins", "slowest_answers", "session.history", "session.refused", "initial_position", "measured_position",
      "commanded_position"}
 )  # fmt: skip
+_TITLES: Final = {"servo.motions": "Set points, motion by motion"}
 _MOST_ROWS: Final = 400
+_MOST_COLUMNS: Final = 9
+_SIDE_BY_SIDE: Final = 5
 _MOST_DEPTH: Final = 8
 _NEAR: Final = 0.9
 _NOTHING: Final = "Nothing was diagnosed."
@@ -58,15 +61,14 @@ def dropped(robot: RobotRecord) -> Element:
 def accounting(robot: RobotRecord) -> Iterator[Element]:
     """Every list of records that the controller's report holds, as a table of its own."""
     for path, records in _lists(robot.report, ""):
-        columns = list(dict.fromkeys(key for record in records for key in record))
-        rows = [[_cell(record.get(column)) for column in columns] for record in records[:_MOST_ROWS]]
-        numbers = [
-            at
-            for at, column in enumerate(columns)
-            if all(isinstance(record.get(column), int | float | None) for record in records)
-        ]
-        yield node("h4", _words(path))
-        yield table([_words(column) for column in columns], rows, numbers=numbers)
+        yield node("h4", _TITLES.get(path, _words(path)))
+        shown = [dict(_leaves(record, "")) for record in records[:_MOST_ROWS]]
+        columns = list(dict.fromkeys(key for record in shown for key in record))
+        if len(columns) <= _MOST_COLUMNS:
+            yield _records(columns, shown)
+        else:
+            for begin in range(0, len(shown), _SIDE_BY_SIDE):
+                yield _records_upright(columns, shown[begin : begin + _SIDE_BY_SIDE])
         if len(records) > _MOST_ROWS:
             yield node("p", f"{len(records) - _MOST_ROWS} more are not shown.", class_="quiet")
 
@@ -130,6 +132,24 @@ def _margin(name: str, margin: object) -> Element:
         "div", node("span", name, class_="name"), bar, node("span", share, class_="share"),
         node("span", where, class_="quiet"), class_="margin",
     )  # fmt: skip
+
+
+def _records(columns: Sequence[str], records: Sequence[Mapping[str, object]]) -> Element:
+    """A record is a row."""
+    rows = [[_cell(record.get(column)) for column in columns] for record in records]
+    numbers = [
+        at
+        for at, column in enumerate(columns)
+        if all(isinstance(record.get(column), int | float | None) for record in records)
+    ]
+    return table([_words(column) for column in columns], rows, numbers=numbers)
+
+
+def _records_upright(columns: Sequence[str], records: Sequence[Mapping[str, object]]) -> Element:
+    """A record is a column: it has many things to say."""
+    head, *rest = columns
+    rows = [[_words(column), *(_cell(record.get(column)) for record in records)] for column in rest]
+    return table([_words(head), *(_cell(record.get(head)) for record in records)], rows)
 
 
 def _lists(value: object, path: str, depth: int = 0) -> Iterator[tuple[str, list[dict[str, object]]]]:
