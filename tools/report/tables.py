@@ -10,9 +10,11 @@ from tools.report.record import RobotRecord
 from tools.report.verdict import findings_of, severity_of
 
 _SHOWN_ELSEWHERE: Final = frozenset(
-    {"findings", "stops", "margins", "slowest_answers", "session.history", "session.refused", "initial_position", "measured_position",
-     "commanded_position"}
-)  # fmt: skip
+    {
+        *("findings", "stops", "margins", "slowest_answers", "session.history", "session.refused"),
+        *("initial_position", "measured_position", "commanded_position"),
+    }
+)
 _TITLES: Final = {"servo.motions": "Set points, motion by motion"}
 _MOST_ROWS: Final = 400
 _MOST_COLUMNS: Final = 9
