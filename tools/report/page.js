@@ -264,6 +264,7 @@
   }
 
   function fitPaper() {
+    for (const more of document.querySelectorAll("details.more")) more.open = true;
     for (const plot of document.querySelectorAll(".plot")) if (plot.layout) Plotly.relayout(plot, { width: PAPER });
   }
 

@@ -140,7 +140,7 @@ def _robot(robot: RobotRecord) -> Element:
 
 def _accounting(robot: RobotRecord) -> Element | None:
     parts = list(tables.accounting(robot))
-    return _card("Accounts", _caption("what the controller counted, thing by thing"), *parts) if parts else None
+    return _card("What the controller counted", *parts) if parts else None
 
 
 def _plots(robot: RobotRecord) -> list[Element | None]:

@@ -29,7 +29,10 @@ def findings(robot: RobotRecord) -> Element:
     found = findings_of(robot)
     if not found:
         return node("p", _NOTHING, class_="quiet")
-    return node("div", *(_finding(one) for one in found))
+    first, *others = map(_finding, found)
+    count = f"{len(others)} more finding{'s' if len(others) > 1 else ''}"
+    more = node("details", node("summary", count), *others, class_="more") if others else None
+    return node("div", first, more)
 
 
 def margins(robot: RobotRecord) -> Element:
@@ -189,7 +192,7 @@ def _cell(value: object) -> str:
 
 
 def _words(name: str) -> str:
-    return name.replace("_", " ").replace(".", ": ")
+    return name.replace("p99_9", "p99·9").replace("_", " ").replace(".", ": ").replace("·", ".")
 
 
 def _at(value: object, path: str) -> object:
