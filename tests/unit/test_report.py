@@ -30,6 +30,7 @@ from tools.report.verdict import verdict_of
 from transport.capture.journal import EndEntry, Entry, LostEntry, encode_entry, read_entries
 from transport.capture.records import CapturedDatagram, Notes
 from transport.capture.writing import PcapngWriter
+from transport.servo import write_key
 
 HOSTILE = "</script><img src=x onerror=alert(1)>"
 
@@ -306,6 +307,29 @@ def test_a_servo_run_shows_its_application(tmp_path: Path) -> None:
     assert page.lane("motion") == ["1 SMART_SERVO"]
     assert page.lane("application") == ["bench at 127.0.0.1:40000"]
     assert page.data[0]["latency"] is None
+
+
+def test_a_keyed_link_needs_its_key(tmp_path: Path) -> None:
+    key, moved, file = tmp_path / "key", tmp_path / "moved", tmp_path / "run.pcapng"
+    write_key(key)
+    run = VirtualRun(servo_robot(servo={"key_file": key}), Silent(), file)
+    run.run(0.02)
+    run.close()
+    key.rename(moved)
+    ended = cli("report", file)
+    assert ended.code == 2
+    assert "cannot be made here: cannot read key file" in ended.err
+    assert cli("report", file, "--servo-key", moved).code == 0
+
+
+class Silent:
+    """A client that never says anything."""
+
+    def answer(self, outgoing: object) -> tuple[()]:
+        return ()
+
+    def check(self, controller: object) -> None:
+        return
 
 
 def test_two_robots_have_a_section_each(tmp_path: Path, own: Path) -> None:
