@@ -41,6 +41,7 @@ def _add_commands(first: str) -> None:
             doctor,
             impair,
             replay,
+            report,
             run,
             stand_in,
             step_response,
@@ -52,6 +53,7 @@ def _add_commands(first: str) -> None:
         app.command("impair")(impair.impair)
         app.command("replay")(replay.replay)
         app.command("step-response")(step_response.step_response)
+        app.command("report")(report.report)
         app.add_typer(bench.app, name="bench")
         app.add_typer(capture.app, name="capture")
         app.add_typer(config.app, name="config")

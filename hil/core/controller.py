@@ -30,7 +30,7 @@ from hil.core.safety.supervisor import Supervisor, operator_report
 from hil.core.servo.link import SERVO_LINK, ServoLink
 from hil.core.settings import ControllerSettings
 from hil.core.signals import SignalTable
-from hil.values.arm import Backend
+from hil.values.arm import ArmState, Backend
 from hil.values.control import ControlSetup
 from hil.values.errors import ConfigurationError, IllegalTransition
 from hil.values.fri import OverlayKind
@@ -239,6 +239,11 @@ class Controller:
     def signals(self) -> SignalTable:
         """Inputs and outputs, to be looked at."""
         return self._signals
+
+    @property
+    def arm(self) -> ArmState:
+        """What was measured last."""
+        return self._arm
 
     @property
     def operator(self) -> OperatorView:

@@ -48,6 +48,17 @@ class Sink(Protocol):
         """Take a datagram."""
 
 
+class Observer(Protocol):
+    """Looks into the controller of one robot."""
+
+    def cycle(self, now_ns: int) -> None:
+        """The cycle of core time ``now_ns`` has run, with everything that was told before it."""
+
+
+Observe = Callable[[RobotStart, RobotConfig, RobotParts, Controller], Observer]
+"""Asked once for each robot, before its first cycle."""
+
+
 @dataclass(slots=True)
 class _Robot:
     """One fresh controller, and what it was told and said since its last cycle."""
@@ -57,6 +68,7 @@ class _Robot:
     parts: RobotParts
     decoders: dict[tuple[str, bool], Callable[[bytes], object]]
     """By link, and whether the controller sent it."""
+    observer: Observer | None
     said: list[Outgoing] = field(default_factory=list)
     inputs_crc32: int = 0
     inputs: list[Packet] = field(default_factory=list)
@@ -78,7 +90,7 @@ class _Robot:
 class ExactReplay:
     """Feeds what a recording holds, in order; the caller opens it in a ``with`` block or calls :meth:`close`.
 
-    ``pace`` is told the core time of each cycle before it runs.
+    ``pace`` is told the core time of each cycle before it runs; who ``observe`` returns is told after it.
     """
 
     def __init__(
@@ -89,8 +101,10 @@ class ExactReplay:
         sink: Sink | None = None,
         pace: Callable[[int], None] | None = None,
         watch: Watcher | None = None,
+        observe: Observe | None = None,
     ) -> None:
         self._watch = watch
+        self._observe = observe
         self._result = result
         self._sink = sink
         self._pace = pace
@@ -126,7 +140,8 @@ class ExactReplay:
         if isinstance(parts.servo_codec, ServoCodec):
             decoders[SERVO_LINK, True] = parts.servo_codec.decode_from_controller
             decoders[SERVO_LINK, False] = parts.servo_codec.decode_from_client
-        robot = _Robot(start, controller, parts, decoders)
+        observer = None if self._observe is None else self._observe(start, config, parts, controller)
+        robot = _Robot(start, controller, parts, decoders, observer)
         self._robots.append(robot)
         self._routes.update({address: (robot, link) for link, address in start.bound.items()})
 
@@ -235,6 +250,8 @@ class ExactReplay:
         if robot.inputs:
             robot.inputs.clear()
         robot.said = said = controller.outgoing(now_ns=entry.departed_ns)
+        if robot.observer is not None:
+            robot.observer.cycle(entry.due_ns)
         if self._sink is not None:
             self._sink.note(entry)
             for one in said:

@@ -13,7 +13,7 @@ from hil.clock import elapsed_ns
 from hil.config.station import RobotConfig
 from hil.core.controller import FRI_LINK
 from hil.replay.elsewhere import Beside
-from hil.replay.exact import ExactReplay
+from hil.replay.exact import ExactReplay, Observe
 from hil.replay.guess import Flow, flow_of
 from hil.replay.result import ReplayResult, Watcher
 from hil.runtime.capture_header import ARITHMETIC, CaptureHeader, read_header
@@ -86,7 +86,7 @@ def replay_elsewhere(
     result = ReplayResult(str(file), own=False)
     parts = parts_from(file)
     if header is not None:
-        _tell_why_not_own(header, file, result)
+        tell_why_not_own(header, file, result)
     elif (read_section_comment(file) or "").startswith(_OUR_COMMENT):
         result.note("it looks like one of fri-hil, but what it says of its run is damaged: compared, not replayed")
     flows = _looked_through(packets_of(file), wish)
@@ -101,7 +101,7 @@ def replay_elsewhere(
             beside[flow.controller, flow.client] = emulator
             for note in flow.notes:
                 result.note(f"{name}: {note}")
-        for record in _records(parts, result, progress):
+        for record in records_of(parts, result, progress):
             if isinstance(record, Notes):
                 continue
             source, destination = Address(*record.source), Address(*record.destination)
@@ -117,7 +117,8 @@ def replay_elsewhere(
     return result
 
 
-def _tell_why_not_own(header: CaptureHeader, file: Path, result: ReplayResult) -> None:
+def tell_why_not_own(header: CaptureHeader, file: Path, result: ReplayResult) -> None:
+    """Note why a recording with a header of ours cannot be replayed to the byte."""
     if header.robots and any(robot.cycles_before for robot in header.robots):
         cycles = max(robot.cycles_before for robot in header.robots)
         result.note(f"the recording began {cycles} cycles after the controller did: compared, not replayed to the byte")
@@ -200,6 +201,7 @@ def replay_own(
     pace: Callable[[int], None] | None = None,
     update: bool = False,
     watch: Watcher | None = None,
+    observe: Observe | None = None,
     finished: Callable[[ExactReplay], None] | None = None,
 ) -> ReplayResult:
     """Replay a complete recording of ours; with ``update`` its outputs become those of the emulator.
@@ -220,7 +222,9 @@ def replay_own(
         opened.callback(gc.unfreeze)
         began_ns = elapsed_ns()
         try:
-            replay = opened.enter_context(closing(ExactReplay(header, result, sink=rewrite, pace=pace, watch=watch)))
+            replay = opened.enter_context(
+                closing(ExactReplay(header, result, sink=rewrite, pace=pace, watch=watch, observe=observe))
+            )
         except (UsageError, BackendError) as error:
             reason = f"the controller it tells of cannot be made here: {error}"
             raise CaptureError(file, reason, offset=0) from error
@@ -235,7 +239,7 @@ def replay_own(
 
 
 def _feed(replay: ExactReplay, parts: list[Path], result: ReplayResult, progress: ProgressTold | None) -> None:
-    records = _records(parts, result, progress)
+    records = records_of(parts, result, progress)
     try:
         # Many at once: reading and the controller drive each other's code and data out of the processor's caches.
         while some := list(islice(records, _RECORDS_AT_ONCE)):
@@ -253,7 +257,7 @@ def _feed(replay: ExactReplay, parts: list[Path], result: ReplayResult, progress
     replay.finish()
 
 
-def _records(parts: list[Path], result: ReplayResult, progress: ProgressTold | None) -> Iterator[CaptureRecord]:
+def records_of(parts: list[Path], result: ReplayResult, progress: ProgressTold | None) -> Iterator[CaptureRecord]:
     """Yield what the parts hold up to the first damage, which is told in the result."""
     whole = sum(part.stat().st_size for part in parts)
     before = 0
