@@ -20,10 +20,11 @@ $(VENV)/.installed: pyproject.toml constraints.txt
 demo: setup
 	$(BIN)/hil demo --out out --seconds 10
 
-# What only computes shares the cores; what measures time over sockets has the machine for itself.
+# What only computes shares the cores, and so does what mostly waits; what measures time closely has them for itself.
 test: setup
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal tests/unit tests/contract tests/golden $(PYTEST_ARGUMENTS)
-	$(BIN)/python -m pytest tests/network $(PYTEST_ARGUMENTS)
+	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m "not alone" tests/network $(PYTEST_ARGUMENTS)
+	$(BIN)/python -m pytest -m alone tests/network $(PYTEST_ARGUMENTS)
 
 # The proofs of docs/safety.md and docs/control.md with many more stories: an hour on two cores. SOAK_STORIES=n for another
 # length. Before them ten minutes of a recording at 1 kHz, made in virtual time, replayed to the byte.

@@ -6,7 +6,8 @@ through G(z) = 1 / (1 + k z^-3) with one step each: stable below k = 1, critical
 has nothing but gain, an error of 1 / (1 + k) stays.
 
 The camera is a sum here, not a picture: it sees the target's angle minus the measured axis position, plus noise. The
-arm is the controller's. It is no ideal dead time: a step has to be long enough for its reaction time and its way.
+arm is the controller's. It is no ideal dead time: a step has to be long enough for its reaction time and its way. So
+the arm stands before each destination, and ``hil run`` tells the seconds hand effect beside the feedback effect.
 """
 
 import json

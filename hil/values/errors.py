@@ -17,9 +17,12 @@ Every message says what, where, the value, and what would have been valid.
 """
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
-from hil.values.fri import Release
 from hil.values.outcomes import Outcome
+
+if TYPE_CHECKING:
+    from hil.values.fri import Release
 
 
 class HilError(Exception):
@@ -68,7 +71,7 @@ class MalformedDatagram(PeerError):
     ``looks_like`` is the release whose message they could be; None where they are none of any.
     """
 
-    def __init__(self, outcome: Outcome, detail: str, *, looks_like: Release | None = None) -> None:
+    def __init__(self, outcome: Outcome, detail: str, *, looks_like: "Release | None" = None) -> None:
         self.outcome, self.detail, self.looks_like = outcome, detail, looks_like
         super().__init__(f"{outcome.value}: {detail}")
 

@@ -7,6 +7,8 @@ import pytest
 
 from tests.support.processes import finish, hil
 
+pytestmark = pytest.mark.alone
+
 
 def test_demo_leaves_picture_status_capture_and_table(tmp_path: Path) -> None:
     ended = finish(hil("demo", "--out", tmp_path / "out", "--seconds", 6), timeout_s=90)

@@ -26,6 +26,8 @@ from tools.doctor.tcp.measure import measure_echo, measure_responder
 from transport.tcp import ProbeRefused, Responder, read_greeting
 from transport.tcp.sockets import listen, set_quick_ack
 
+pytestmark = pytest.mark.alone
+
 KERNEL_DELAY_MS = range(30, 90)
 """Linux's 40 ms, a timer tick and a busy machine."""
 

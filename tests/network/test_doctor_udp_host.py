@@ -34,6 +34,8 @@ from tools.doctor.udp.stamped import StampedSocket
 from transport.servo import ServoCodec
 from transport.udp import parse_address
 
+pytestmark = pytest.mark.alone
+
 KEY = bytes(range(32))
 
 

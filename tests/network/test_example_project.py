@@ -4,8 +4,12 @@ import re
 import subprocess
 import sys
 
+import pytest
+
 from tests.support.processes import ROOT
 from tests.support.virtual_controller import PLUGIN
+
+pytestmark = pytest.mark.alone
 
 PROJECT = ROOT / "examples" / "testing_an_application"
 

@@ -11,6 +11,8 @@ import pytest
 
 from tests.support.processes import ROOT, finish, hil, own_host
 
+pytestmark = pytest.mark.alone
+
 SECONDS = 5.0
 RUNS = {
     "torque": ("--overlay", "torque"),

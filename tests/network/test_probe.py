@@ -9,6 +9,8 @@ from hil.values.fri import Release
 from tests.support.processes import own_host, run_with_probe
 from transport.capture.reading import read_capture, read_section_comment
 
+pytestmark = pytest.mark.alone
+
 SINE_RAD = 0.04
 
 

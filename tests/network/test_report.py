@@ -24,7 +24,7 @@ PANELS = """[...document.querySelectorAll(".plot")].map((plot) => ({
 ANSWERS = """JSON.parse(document.getElementById("data").textContent).robots[0].bars
   .reduce((sum, bar) => sum + bar[2], 0)"""
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason=NO_CHROMIUM)
+pytestmark = [pytest.mark.alone, pytest.mark.skipif(CHROMIUM is None, reason=NO_CHROMIUM)]
 
 
 @pytest.fixture(scope="module")

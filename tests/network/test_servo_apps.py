@@ -24,6 +24,8 @@ from tests.support.cli import cli
 from tests.support.processes import ROOT, finish, hil, own_host, wait_for_line
 from tests.support.servo_process import servo_controller
 
+pytestmark = pytest.mark.alone
+
 STATISTICS = r"n\((\d+)\) T\(\d+\.\d\d, \d+\.\d\d, \d+\.\d\d msec\) \(stdDev \d+\.\d\d\)"
 PNG = b"\x89PNG"
 

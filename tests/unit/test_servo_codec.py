@@ -702,7 +702,8 @@ USUAL_COMMANDS = st.builds(
     st.booleans(),
     st.lists(
         st.one_of(
-            st.builds(SetDestination, NUMBERS, NUMBERS, SEVENS, st.one_of(st.none(), vectors())),
+            # All fields, because builds() makes up those of a named tuple that are left out, defaults or not.
+            st.builds(SetDestination, NUMBERS, NUMBERS, SEVENS, st.one_of(st.none(), vectors()), st.none()),
             st.builds(SetDestination, NUMBERS, NUMBERS, st.none(), st.none(), POSES),
         ),
         max_size=1,

@@ -95,8 +95,23 @@ class SegmentDecoder:
                 self._routes.clear()
             ends = self._routes[route] = endpoints_of(route)
         offered = _syn_options(frame[tcp + _TCP_HEAD_BYTES : tcp + tcp_head]) if flags & SYN else None
-        fields = number, at_unix_ns, *ends, sequence, acknowledged, flags, window, size, identification, offered
-        segment: Segment = new_tuple(Segment, fields)
+        source, destination = ends
+        segment: Segment = new_tuple(
+            Segment,
+            (
+                number,
+                at_unix_ns,
+                source,
+                destination,
+                sequence,
+                acknowledged,
+                flags,
+                window,
+                size,
+                identification,
+                offered,
+            ),
+        )
         return segment
 
 
