@@ -175,7 +175,10 @@ class ConnectionDiagnosis:
         """The watchdog ended the overlay; ``heard`` is the message answered last, and when that came."""
         since_ns = now_ns - silent_ns if heard is None else heard[1]
         own_ns = max(
-            [self._path.lateness_between(since_ns, now_ns), *(one.own_ns for one in list(self._bad)[-in_a_row:])]
+            [
+                self._path.lateness_between(since_ns, now_ns),
+                *(one.own_ns for one in self._bad if one.judged_ns >= since_ns),
+            ]
         )
         whose = self._sides.other_whose
         if own_ns >= silent_ns / 2:
@@ -217,6 +220,8 @@ class ConnectionDiagnosis:
         meter, latency = self._meter, self._path.peer_and_wire
         counts = {whose: self.late[whose] + self.missing[whose] for whose in self.late}
         bad = sum(counts.values())
+        if not bad:
+            return
         whose = max(counts, key=lambda one: counts[one])
         if counts[whose] < _MIXED_SHARE * bad:
             whose = Whose.BOTH
