@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
+from hil.cli.json_output import JsonOutput
+from hil.cli.plain import plain
 from hil.cli.reading_bar import reading_bar
 from hil.values.errors import UsageError
 from hil.values.fri import Release, SessionState
@@ -60,19 +61,16 @@ def replay(  # noqa: PLR0917  # typer makes the options of the parameters; nobod
     they part is no error, so its exit code is 0.
     """
     from hil.replay.replay import Wish, replay_file
-    from hil.runtime.lifetime import check_result_file, result_text, write_result_file
 
     elsewhere = beside or fri_version is not None or robot is not None or backend is not None
     pace = _pace(speed)
-    alone = json_file == "-"
-    result_file = None if alone or json_file is None else Path(json_file)
-    check_result_file(result_file)
+    output = JsonOutput(json_file)
     drawing = None
     if plot is not None:
         from hil.replay.drawing import Drawing
 
         drawing = Drawing(plot)
-    with reading_bar("replay", file, shown=not alone and sys.stderr.isatty()) as progress:
+    with reading_bar("replay", file, shown=not output.alone and sys.stderr.isatty()) as progress:
         result = replay_file(
             file,
             wish=Wish(fri_version, robot, backend) if elsewhere else None,
@@ -82,12 +80,10 @@ def replay(  # noqa: PLR0917  # typer makes the options of the parameters; nobod
             update=update,
             watch=drawing,
         )
-    if alone:
-        sys.stdout.write(result_text(result.as_dict()))
-    write_result_file(result_file, result.as_dict())
+    output.write(result.as_dict())
     if drawing is not None:
         drawing.save(result)
-    if not alone:
+    if not output.alone:
         _show(result, drawn=plot, update=update)
     if result.damage:
         raise typer.Exit(_UNREADABLE)
@@ -113,9 +109,9 @@ def _show(result: "ReplayResult", *, drawn: Path | None, update: bool) -> None:
     console = Console(highlight=False)
     colour = "green" if result.equal else "yellow" if not result.own else "red"
     # Sentences and paths are not broken where the output is a file: soft_wrap.
-    console.print(f"[{colour}]{_plain(result.verdict)}[/{colour}]", soft_wrap=True)
+    console.print(f"[{colour}]{plain(result.verdict)}[/{colour}]", soft_wrap=True)
     for line in _remarks(result, update=update):
-        console.print(_plain(line), soft_wrap=True)
+        console.print(plain(line), soft_wrap=True)
     if result.fields:
         console.print(_field_table(result))
         if len(result.fields) > _FIELDS_SHOWN:
@@ -123,9 +119,9 @@ def _show(result: "ReplayResult", *, drawn: Path | None, update: bool) -> None:
     if result.states:
         console.print(_state_table(result))
     if drawn is not None:
-        console.print(_plain(f"picture: {drawn}"), soft_wrap=True)
+        console.print(plain(f"picture: {drawn}"), soft_wrap=True)
     if result.damage:
-        console.print(f"[red]{_plain(result.damage)}[/red]; what is before that was replayed", soft_wrap=True)
+        console.print(f"[red]{plain(result.damage)}[/red]; what is before that was replayed", soft_wrap=True)
 
 
 def _remarks(result: "ReplayResult", *, update: bool) -> Iterator[str]:
@@ -183,9 +179,4 @@ def _value(field: str, value: object) -> str:
         return "something"  # a whole part of the message, that the other one has not
     if field == _SESSION_STATE and value in _STATE_NAMES:
         return _STATE_NAMES[value]
-    return _plain(str(value))
-
-
-def _plain(text: str) -> str:
-    """What a file says is shown as it is: neither markup of ours nor orders to the terminal."""
-    return escape("".join(one if one.isprintable() else "\N{REPLACEMENT CHARACTER}" for one in text))
+    return plain(str(value))

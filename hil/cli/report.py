@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.markup import escape
 
+from hil.cli.plain import plain
 from hil.cli.reading_bar import reading_bar
 from hil.values.fri import Release
 
@@ -44,10 +44,10 @@ def report(  # noqa: PLR0917  # typer makes the options of the parameters; nobod
     with reading_bar("report", file, shown=sys.stderr.isatty()) as progress:
         made = make_report(file, page, wish=Wish(fri_version, robot), key_file=servo_key, progress=progress)
     console = Console(highlight=False)
-    console.print(escape(made.verdict), soft_wrap=True)
-    console.print(escape(f"page: {made.file} ({made.size_bytes / 1e6:.1f} MB)"), soft_wrap=True)
+    console.print(plain(made.verdict), soft_wrap=True)
+    console.print(plain(f"page: {made.file} ({made.size_bytes / 1e6:.1f} MB)"), soft_wrap=True)
     if open_it:
         typer.launch(made.file.resolve().as_uri())
     if made.damage:
-        console.print(f"[red]{escape(made.damage)}[/red]; the page shows what is before that", soft_wrap=True)
+        console.print(f"[red]{plain(made.damage)}[/red]; the page shows what is before that", soft_wrap=True)
         raise typer.Exit(_UNREADABLE)

@@ -50,3 +50,9 @@ def test_a_diagnosis_is_shown_verdict_first() -> None:
     assert "[write] read" in out.getvalue()
     assert not diagnosis.healthy
     assert diagnosis.as_dict()["verdict"] == "the application is slow"
+
+
+def test_what_a_file_says_gives_the_terminal_no_orders() -> None:
+    out = StringIO()
+    show_diagnosis(Diagnosis((finding(sentence="robot \x1b[2J[red]x"),)), Console(file=out, width=80))
+    assert out.getvalue().splitlines()[0] == "robot \N{REPLACEMENT CHARACTER}[2J[red]x"

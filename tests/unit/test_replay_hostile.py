@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from hil.cli.replay import _plain
+from hil.cli.plain import plain
 from hil.config.station import RobotConfig
 from hil.core.controller import FRI_LINK
 from hil.replay import altered, exact
@@ -192,11 +192,11 @@ def test_only_the_changed_datagrams_that_are_told_are_searched_for_the_bit(
 def test_what_a_file_says_is_no_markup(text: str) -> None:
     from rich.text import Text
 
-    assert Text.from_markup(_plain(text)).plain == text
+    assert Text.from_markup(plain(text)).plain == text
 
 
 def test_what_a_file_says_does_not_order_the_terminal_about() -> None:
-    assert _plain("a\x1b[2Jb") == "a\N{REPLACEMENT CHARACTER}[2Jb"
+    assert plain("a\x1b[2Jb") == "a\N{REPLACEMENT CHARACTER}[2Jb"
 
 
 def elsewhere(file: Path, change: Callable[[MonitoringMessage], MonitoringMessage], *, at: int = 0) -> Path:

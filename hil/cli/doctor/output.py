@@ -1,15 +1,13 @@
 """How a diagnosis is shown: the verdict first, evidence and remedies below, or JSON."""
 
-import sys
-from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
-from hil.runtime.lifetime import check_result_file, result_text, write_result_file
+from hil.cli.json_output import JsonOutput
+from hil.cli.plain import plain
 from hil.values.finding import Diagnosis, EvidenceTable, Finding, Severity
 
 JsonFile = Annotated[
@@ -19,22 +17,14 @@ SOMETHING_WRONG = 1
 _COLOURS = {Severity.GOOD: "green", Severity.NOTE: "cyan", Severity.WARNING: "yellow", Severity.FAULT: "red"}
 
 
-class Output:
-    """Where one diagnosis goes; checked before anything is measured."""
-
-    def __init__(self, json_file: str | None) -> None:
-        self.alone = json_file == "-"
-        """Whether the output is JSON and nothing else."""
-        self._file = None if self.alone or json_file is None else Path(json_file)
-        check_result_file(self._file)
+class Output(JsonOutput):
+    """Where one diagnosis goes."""
 
     def tell(self, diagnosis: Diagnosis) -> None:
         """Show it, write it, and end with exit code 1 if something is wrong."""
-        if self.alone:
-            sys.stdout.write(result_text(diagnosis.as_dict()))
-        else:
+        if not self.alone:
             show_diagnosis(diagnosis, Console(highlight=False))
-        write_result_file(self._file, diagnosis.as_dict())
+        self.write(diagnosis.as_dict())
         if not diagnosis.healthy:
             raise typer.Exit(SOMETHING_WRONG)
 
@@ -51,17 +41,17 @@ def show_finding(finding: Finding, console: Console) -> None:
     """Print one finding: its sentence, its evidence and what helps."""
     colour = _COLOURS[finding.severity]
     # Sentences are not broken where the output is a file: soft_wrap.
-    console.print(f"[{colour}]{escape(finding.sentence)}[/{colour}]", soft_wrap=True)
+    console.print(f"[{colour}]{plain(finding.sentence)}[/{colour}]", soft_wrap=True)
     for line in finding.evidence:
-        console.print(f"  - {escape(line)}", soft_wrap=True)
+        console.print(f"  - {plain(line)}", soft_wrap=True)
     if finding.remedies:
         console.print("  what helps, the most effective first:")
         for number, remedy in enumerate(finding.remedies, 1):
-            console.print(f"  {number}. {escape(remedy)}", soft_wrap=True)
+            console.print(f"  {number}. {plain(remedy)}", soft_wrap=True)
 
 
 def _table(table: EvidenceTable) -> Table:
-    shown = Table(*map(escape, table.columns), title=escape(table.title))
+    shown = Table(*map(plain, table.columns), title=plain(table.title))
     for row in table.rows:
-        shown.add_row(*map(escape, row))
+        shown.add_row(*map(plain, row))
     return shown
