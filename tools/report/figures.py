@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from hil.config.station import RobotConfig
 from tools.report.packets import PacketObserver
 from tools.report.record import RobotRecord
+from tools.report.tables import mapping
 
 
 def figures_of(robot: RobotRecord, config: RobotConfig) -> list[tuple[str, str]]:
@@ -26,7 +27,7 @@ def figures_of(robot: RobotRecord, config: RobotConfig) -> list[tuple[str, str]]
 def _fri(robot: RobotRecord, config: RobotConfig) -> list[tuple[str, str]]:
     if config.fri is None:
         return []
-    session, packets = _mapping(robot.report.get("session")), _mapping(robot.report.get("packets"))
+    session, packets = mapping(robot.report.get("session")), mapping(robot.report.get("packets"))
     sent, received, accepted = (packets.get(name) for name in ("sent", "received", "accepted"))
     return [
         ("FRI", f"release {config.fri.release}, {robot.budget_ms:g} ms for an answer, overlay {config.fri.overlay}"),
@@ -37,7 +38,7 @@ def _fri(robot: RobotRecord, config: RobotConfig) -> list[tuple[str, str]]:
 
 
 def _servo(report: Mapping[str, object]) -> list[tuple[str, str]]:
-    servo = _mapping(report.get("servo"))
+    servo = mapping(report.get("servo"))
     if not servo:
         return []
     return [
@@ -81,7 +82,3 @@ def _speed(robot: RobotRecord) -> tuple[str, str]:
 
 def _times(count: int) -> str:
     return ("never", "once")[count] if count < 2 else f"{count} times"
-
-
-def _mapping(value: object) -> Mapping[str, object]:
-    return value if isinstance(value, Mapping) else {}

@@ -49,7 +49,7 @@ def dropped(robot: RobotRecord) -> Element:
     """Packets that were not taken, by reason."""
     rows: dict[str, int] = {}
     for link in ("packets", "servo.packets"):
-        for reason, count in _mapping(_at(robot.report, f"{link}.dropped")).items():
+        for reason, count in mapping(_at(robot.report, f"{link}.dropped")).items():
             if isinstance(count, int) and count:
                 rows[reason] = rows.get(reason, 0) + count
     for reason, (count, _, _) in robot.drops.items():
@@ -128,7 +128,7 @@ def _finding(finding: dict[str, object]) -> Element:
 
 def _margin(name: str, margin: object) -> Element:
     used, at_s = _number(margin, "used"), _number(margin, "at_s")
-    axis = _mapping(margin).get("axis")
+    axis = mapping(margin).get("axis")
     level = "bad" if used > 1.0 else "warning" if used >= _NEAR else "good"
     share = "< 0.1%" if 0.0 < used < 0.0005 else f"{used:.1%}"
     bar = node("div", node("div", class_=f"fill {level}", style=f"width:{min(used, 1.0):.2%}"), class_="bar")
@@ -197,11 +197,12 @@ def _words(name: str) -> str:
 
 def _at(value: object, path: str) -> object:
     for name in path.split("."):
-        value = _mapping(value).get(name)
+        value = mapping(value).get(name)
     return value
 
 
-def _mapping(value: object) -> Mapping[str, object]:
+def mapping(value: object) -> Mapping[str, object]:
+    """Return a part of a report that should be a mapping; an empty one where it is none."""
     return value if isinstance(value, Mapping) else {}
 
 
@@ -210,5 +211,5 @@ def _list(value: object) -> list[object]:
 
 
 def _number(value: object, name: str) -> float:
-    found = _mapping(value).get(name)
+    found = mapping(value).get(name)
     return float(found) if isinstance(found, int | float) else 0.0

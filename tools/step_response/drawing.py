@@ -5,8 +5,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from tools.bench import reaction
 from tools.step_response.figures_of_merit import SEEN_FROM, peak
-from tools.step_response.measuring import DIRECT, FAST, SMART, Course, Step
+from tools.step_response.measuring import CASES, DIRECT, FAST, SMART, Course, Step
 from tools.step_response.report import StepResponseReport
 
 if TYPE_CHECKING:
@@ -14,11 +15,7 @@ if TYPE_CHECKING:
 
 STEP_COLOUR: Final = "#1f3fbf"
 COLOURS: Final = {SMART.name: "#2e9e4f", FAST.name: "#59b4e8", DIRECT.name: "#d0312d"}
-LABELS: Final = {
-    SMART.name: "SmartServo, default",
-    FAST.name: "SmartServo, jerk 500 %, override 20",
-    DIRECT.name: "DirectServo",
-}
+LABELS: Final = {case.name: label for case, (label, *_) in zip(CASES, reaction.CASES, strict=True)}
 _BEFORE_MS: Final = -20.0
 _FIRST_MS: Final = 60.0
 _DPI: Final = 100

@@ -16,7 +16,7 @@ from hil.values.errors import ConfigurationError, OutOfRange
 from hil.values.motion import DIRECT_SERVO_DELTA_RAD, MotionKind, MotionParameters
 from hil.values.robot import JOINT_NAMES, RobotDescription
 from hil.values.servo import SetDestination, StartMotion
-from tools.bench.reaction import MOVED_RAD
+from tools.bench import reaction
 from tools.bench.servo_virtual import VirtualApplication
 from tools.step_response.figures_of_merit import FiguresOfMerit, differences, figures_of_merit
 
@@ -25,7 +25,7 @@ LARGEST_STEP_DEG: Final = math.degrees(DIRECT_SERVO_DELTA_RAD)
 SMALLEST_STEP_DEG: Final = 0.01
 RECORDED_S: Final = 1.0
 """After the step. The slowest, A2 of size 7 with the defaults, is there after 0.7 s."""
-THRESHOLD_DEG: Final = math.degrees(MOVED_RAD)
+THRESHOLD_DEG: Final = math.degrees(reaction.MOVED_RAD)
 """From which on an axis counts as moved; the simulated arm measures without noise."""
 _REST_S: Final = 0.05
 _BEFORE_CYCLES: Final = 20
@@ -46,13 +46,12 @@ class Case:
         return math.degrees(description.servo.jerk_rad_s3[axis] * self.parameters.joint_jerk_percent / 100.0)
 
 
-SMART: Final = Case("SmartServo", MotionKind.SMART_SERVO, MotionParameters())
-FAST: Final = Case(
-    "SmartServo fast",
-    MotionKind.SMART_SERVO,
-    MotionParameters(joint_jerk_percent=500.0, acceleration_override=20.0),
+SMART, FAST, DIRECT = (
+    Case(name, kind, parameters)
+    for name, (_, kind, parameters) in zip(
+        ("SmartServo", "SmartServo fast", "DirectServo"), reaction.CASES, strict=True
+    )
 )
-DIRECT: Final = Case("DirectServo", MotionKind.DIRECT_SERVO, MotionParameters())
 CASES: Final = (SMART, FAST, DIRECT)
 
 

@@ -1,5 +1,6 @@
 """Distributions and counts of a measurement, from its times."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -98,16 +99,7 @@ def figures(tally: Tally, welcome: Welcome, *, period_ms: int, unix_minus_clock_
         send_late=tally.send_late,
         ended_because=tally.ended_because,
     )
-    delays_down = [arrived - due for due, arrived in zip(tally.due_ns, tally.arrived_ns, strict=True)]
-    floor = floor_under(tally.due_ns, delays_down)
-    for due, delay in zip(tally.due_ns, delays_down, strict=True):
-        found.jitter_down.add(floor.excess_ns(due, delay))
-    if delays_down:
-        span_ns = max(tally.due_ns) - min(tally.due_ns)
-        found.seconds = span_ns * 1e-9
-        if len(delays_down) >= LEAST_STATES and floor.over_ns > 0:
-            found.drift_ppm = floor.slope * 1e6
-            found.drift_resolution_ppm = DRIFT_DOUBT * (found.jitter_down.quantile(0.5) or 0) / floor.over_ns * 1e6
+    floor = add_way_down(found, tally.due_ns, tally.arrived_ns)
     answers = tally.answers()
     up_floor = _requests(found, answers)
     if answers:
@@ -117,6 +109,20 @@ def figures(tally: Tally, welcome: Welcome, *, period_ms: int, unix_minus_clock_
         found.clock_ahead_ns = welcome.unix_epoch_ns + (up_ns - down_ns) // 2 - unix_minus_clock_ns
         found.clock_resolution_ns = max(0, up_ns + down_ns) // 2
     return found
+
+
+def add_way_down(found: LinkFigures, due_ns: Sequence[int], arrived_ns: Sequence[int]) -> Floor:
+    """Add length, jitter and drift: what the controller sent, by its clock, and when it arrived by ours."""
+    delays_ns = [arrived - due for due, arrived in zip(due_ns, arrived_ns, strict=True)]
+    floor = floor_under(due_ns, delays_ns)
+    for due, delay in zip(due_ns, delays_ns, strict=True):
+        found.jitter_down.add(floor.excess_ns(due, delay))
+    if delays_ns:
+        found.seconds = (max(due_ns) - min(due_ns)) * 1e-9
+        if len(delays_ns) >= LEAST_STATES and floor.over_ns > 0:
+            found.drift_ppm = floor.slope * 1e6
+            found.drift_resolution_ppm = DRIFT_DOUBT * (found.jitter_down.quantile(0.5) or 0) / floor.over_ns * 1e6
+    return floor
 
 
 def _requests(found: LinkFigures, answers: list[Answered]) -> Floor:

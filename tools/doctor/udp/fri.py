@@ -13,13 +13,11 @@ from hil.client.fri.session import ClientSession
 from hil.client.fri.state import FriState
 from hil.clock import Clock, MonotonicClock
 from hil.core.settings import NS_PER_MS
-from hil.core.statistics import Histogram
 from hil.values.errors import EndpointError
 from hil.values.finding import Diagnosis
 from hil.values.fri import SEQUENCE_MODULUS, Quality, Release
 from hil.values.link import Address
-from tools.doctor.udp.figures import DRIFT_DOUBT, LEAST_STATES, LinkFigures
-from tools.doctor.udp.floor import floor_under
+from tools.doctor.udp.figures import LinkFigures, add_way_down
 from tools.doctor.udp.opening import ANSWER_WITHIN_S
 from tools.doctor.udp.stamped import Gone, Heard, StampedSocket, TimedSocket
 from tools.doctor.udp.tally import FriTally
@@ -150,18 +148,7 @@ def fri_figures(tally: FriTally, state: FriState | None, release: Release) -> Li
     # Messages without a time stamp are taken for evenly sent.
     stamped = all(tally.stamps_ns)
     due_ns = list(tally.stamps_ns) if stamped else [number * period_ns for number in tally.numbers]
-    delays_ns = [arrived - due for due, arrived in zip(due_ns, tally.arrived_ns, strict=True)]
-    floor = floor_under(due_ns, delays_ns)
-    jitter = Histogram()
-    for due, delay in zip(due_ns, delays_ns, strict=True):
-        jitter.add(floor.excess_ns(due, delay))
-    found.jitter_down = jitter
-    if due_ns:
-        span_ns = max(due_ns) - min(due_ns)
-        found.seconds = span_ns * 1e-9
-        if len(due_ns) >= LEAST_STATES and floor.over_ns > 0:
-            found.drift_ppm = floor.slope * 1e6
-            found.drift_resolution_ppm = DRIFT_DOUBT * (jitter.quantile(0.5) or 0) / floor.over_ns * 1e6
+    add_way_down(found, due_ns, tally.arrived_ns)
     found.quality = "" if state is None or state.quality >= Quality.GOOD else state.quality.name
     return found
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Final
 
 from hil.core.statistics import Histogram
-from hil.values.finding import Diagnosis, EvidenceTable, Figure, Finding, Severity, Whose
+from hil.values.finding import Diagnosis, EvidenceTable, Figure, Finding, Severity, Whose, worst_first
 from hil.values.link import Address
 from tools.doctor.udp.figures import LinkFigures
 
@@ -22,8 +22,8 @@ _SHARED: Final = "both ends are on this machine, and this program takes CPU time
 
 def judge(found: LinkFigures, *, controller: Address, same_machine: bool) -> Diagnosis:
     """Return the verdict on a measurement against ``controller``, the worst finding first."""
-    findings = sorted(_findings(found, same_machine), key=lambda one: -one.severity.value)
-    if all(one.severity.value <= Severity.NOTE.value for one in findings):
+    findings = worst_first(_findings(found, same_machine))
+    if not any(one.is_wrong for one in findings):
         findings.insert(0, _healthy(found, controller))
     verdict = replace(findings[0], evidence=findings[0].evidence + _context(found), figures=_figures(found))
     return Diagnosis((verdict, *findings[1:]), (_times_table(found), _packets_table(found)))
