@@ -6,10 +6,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from hil.values.motion import MotionKind
+
 _LAST_STOPS = 3
 _LAST_CHANGES = 12
 _LAST_MOTIONS = 5
-_SERVO_KINDS = {"SMART_SERVO": "SmartServo", "DIRECT_SERVO": "DirectServo"}
 
 
 def print_summary(status: dict[str, Any]) -> None:
@@ -157,7 +158,7 @@ def _print_set_points(console: Console, name: str, robot: dict[str, Any]) -> Non
     for motion in motions[-_LAST_MOTIONS:]:
         age_us = motion["age_us"]["p50"]
         table.add_row(
-            f"{motion['motion']} {_SERVO_KINDS[motion['kind']]}",
+            f"{motion['motion']} {MotionKind[motion['kind']].manual_name}",
             *(str(motion[what]) for what in ("sent", "received", "refused", "superseded", "executed")),
             "-" if age_us is None else f"{age_us / 1e3:.1f} ms",
             str(motion["standstills"]),

@@ -42,10 +42,10 @@ from hil.values.robot import RobotDescription
 from hil.values.servo import ServoControllerCodec
 from hil.values.tuples import new_tuple
 
-__all__ = ["FRI_LINK", "Controller", "operator_report"]
+__all__ = ["FRI_LINK", "SHUTS_DOWN", "Controller", "operator_report"]
 
 FRI_LINK = "fri"
-_SHUTS_DOWN = Fault("the controller shuts down")
+SHUTS_DOWN = Fault("the controller shuts down")
 MAX_EVENTS = 10_000
 _POSITION_OVERLAYS = frozenset({OverlayKind.JOINT_POSITION, OverlayKind.CARTESIAN_POSE})
 
@@ -128,7 +128,7 @@ class Controller:
     def operate(self, action: OperatorAction, *, now_ns: int) -> str:
         """Do what the operator did with the pad; return why that changes nothing, or an empty text."""
         if self.closed or self._closing:
-            return _SHUTS_DOWN.reason
+            return SHUTS_DOWN.reason
         if isinstance(action, SetInput):
             refusal = self._signals.set_input(action.name, action.value)
             self._events.append(InputSet(now_ns, action.name, action.value, refusal))
@@ -180,8 +180,8 @@ class Controller:
             return
         self._closing = True
         if self._servo is not None:
-            self._servo.close_door(_SHUTS_DOWN.reason)
-        self._safety.stop(_SHUTS_DOWN, now_ns)
+            self._servo.close_door(SHUTS_DOWN.reason)
+        self._safety.stop(SHUTS_DOWN, now_ns)
         if self._motion.at_rest:
             self._finish(now_ns)
 
@@ -359,7 +359,7 @@ class Controller:
         commanding = fri is not None and fri.commanding
         waits = safety.follow_operator(self._arm, commanding=commanding, closing=self._closing, now_ns=now_ns)
         if fri is not None:
-            barred = _SHUTS_DOWN.reason if self._closing else waits
+            barred = SHUTS_DOWN.reason if self._closing else waits
             if not barred and servo is not None and (commander := servo.commander):
                 barred = f"the application {commander} commands the arm over the servo link"
             fri.progress(arm=self._arm, now_ns=now_ns, started_ns=started_ns, closing=self._closing, barred=barred)

@@ -1,6 +1,6 @@
 """What a diagnosis says: one sentence that names whose fault it was, the figures behind it, and what helps."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum, StrEnum
 from types import MappingProxyType
@@ -59,6 +59,11 @@ class Finding:
     def __str__(self) -> str:
         return self.sentence
 
+    @property
+    def is_wrong(self) -> bool:
+        """Whether it is worse than a note."""
+        return self.severity.value > Severity.NOTE.value
+
     def as_dict(self) -> dict[str, object]:
         """Return it for JSON."""
         return {
@@ -70,6 +75,11 @@ class Finding:
             "remedies": list(self.remedies),
             "figures": dict(self.figures),
         }
+
+
+def worst_first(findings: Iterable[Finding]) -> list[Finding]:
+    """Return them by severity; those that are as bad keep their order."""
+    return sorted(findings, key=lambda finding: -finding.severity.value)
 
 
 class EvidenceTable(NamedTuple):
@@ -95,7 +105,7 @@ class Diagnosis:
     @property
     def healthy(self) -> bool:
         """Whether nothing worse than a note was found."""
-        return all(finding.severity.value <= Severity.NOTE.value for finding in self.findings)
+        return not any(finding.is_wrong for finding in self.findings)
 
     def as_dict(self) -> dict[str, object]:
         """Return it for JSON."""

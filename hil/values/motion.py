@@ -30,6 +30,18 @@ class MotionKind(_Named):
     SMART_SERVO = 2
     DIRECT_SERVO = 3
 
+    @property
+    def manual_name(self) -> str:
+        """As the manual spells it."""
+        return _MANUAL_NAMES[self]
+
+
+_MANUAL_NAMES: Final = {
+    MotionKind.PTP: "PTP",
+    MotionKind.SMART_SERVO: "SmartServo",
+    MotionKind.DIRECT_SERVO: "DirectServo",
+}
+
 
 class MotionPhase(_Named):
     """Where a motion is on its way through the controller."""

@@ -36,7 +36,6 @@ from tools.report.record import RobotRecord
 from tools.report.verdict import verdict_of
 from transport.capture.parts import parts_from
 from transport.capture.reading import read_section_comment
-from transport.capture.records import Packet
 
 _ONLY_PACKETS: Final = (
     "Not replayed: the page shows what the packets alone tell. Times are those of the recorder's clock, at the place "
@@ -166,7 +165,7 @@ def _from_packets(
             flow, name=name, model_name=model, model=arm, first_unix_ns=first_unix_ns
         )
     records = records_of(parts_from(capture), result, progress)
-    for packet in in_order(record for record in records if isinstance(record, Packet)):
+    for packet in in_order(records):
         source, destination = Address(*packet.source), Address(*packet.destination)
         if (sender := observers.get((source, destination))) is not None:
             sender.sent(packet)

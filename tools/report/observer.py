@@ -3,7 +3,7 @@
 from typing import Final
 
 from hil.config.station import RobotConfig
-from hil.core.controller import Controller
+from hil.core.controller import SHUTS_DOWN, Controller
 from hil.core.events import (
     ApplicationJoined,
     ApplicationLeft,
@@ -32,7 +32,6 @@ from hil.values.servo import Role
 from tools.doctor.capture.tables import slowest_table, split_table
 from tools.report.record import MarkKind, RobotRecord
 
-SHUTS_DOWN: Final = "the controller shuts down"
 _HOLDING: Final = Phase.HOLDING
 _NS: Final = 1e-9
 _SLOWEST: Final = 10
@@ -102,7 +101,7 @@ class RobotObserver:
             for event in controller.events():
                 self._take(event)
             self.record.evidence = [
-                split_table("each part, over all answers", fri.path.histograms),
+                split_table("each part, over all answers", fri.path.histograms, own=True),
                 slowest_table("the slowest answers [ms]", fri.path.worst, _SLOWEST, own=True),
             ]
         self.record.report = controller.report()
@@ -144,8 +143,8 @@ class RobotObserver:
     def _take_mark(self, event: Event, at_s: float) -> None:
         record = self.record
         match event:
-            case ArmStopped() if event.category is None and event.reason.startswith(SHUTS_DOWN):
-                record.mark(at_s, MarkKind.OPERATOR, "the run ends: the controller shuts down")
+            case ArmStopped() if event.category is None and event.reason.startswith(SHUTS_DOWN.reason):
+                record.mark(at_s, MarkKind.OPERATOR, f"the run ends: {SHUTS_DOWN}")
             case ArmStopped():
                 record.stopped(at_s, str(event))
             case Diagnosed():

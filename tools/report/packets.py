@@ -29,10 +29,6 @@ from transport.capture.records import Packet
 from transport.fri import FriCodec
 
 _SLOWEST: Final = 10
-_PARTS: Final = {
-    "send_lateness": "send: behind the grid of its messages",
-    "peer_and_wire": "peer and wire: message to answer, at the capture's place",
-}
 _REMEMBERED: Final = 1024
 _LONGEST_STEP: Final = 1000
 """Of the sequence counter; positions that are further apart say nothing of a speed."""
@@ -128,7 +124,7 @@ class PacketObserver:
         self._diagnosis.finish()
         path = self._diagnosis.path
         record.evidence = [
-            split_table("each part, over all answers", path.histograms, _PARTS),
+            split_table("each part, over all answers", path.histograms, own=False),
             slowest_table("the slowest answers [ms]", path.worst, _SLOWEST, own=False),
         ]
         record.report = {

@@ -6,12 +6,9 @@ from typing import Final
 from hil.client.servo._set_point_accounting import accounting_of
 from hil.client.servo.session import MotionRecord, Update
 from hil.client.servo.statistic_timer import StatisticTimer
-from hil.values.motion import MotionKind
 from hil.values.operator import OperatorView, ProgramState
 from hil.values.pose import Pose
 from hil.values.servo import Vector
-
-_KINDS: Final = {MotionKind.PTP: "PTP", MotionKind.SMART_SERVO: "SmartServo", MotionKind.DIRECT_SERVO: "DirectServo"}
 
 _WHOLE_PERCENT: Final = 100.0
 _PERMISSIVE: Final = "PERMISSIVE: monitors only report"
@@ -37,7 +34,7 @@ def describe(
 
 
 def _headline(record: MotionRecord, update: Update) -> str:
-    name = f"{_KINDS[record.kind]} {record.number}"
+    name = f"{record.kind.manual_name} {record.number}"
     # Said at every level: positions of an arm that nothing would have stopped prove less than they seem to.
     loud = f"; {_PERMISSIVE}" if update.snapshot.operator.permissive else ""
     if record.ended is not None:

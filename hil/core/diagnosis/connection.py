@@ -74,7 +74,8 @@ class _Fall:
     bad: _Bad
     commanding: bool
     counts: str
-    tell_at_ns: int
+    tell_at_ns: int = 0
+    """Where the answer may still come: when it is told without it."""
 
 
 class ConnectionDiagnosis:
@@ -136,7 +137,7 @@ class ConnectionDiagnosis:
     def fell(self, old: Quality, new: Quality, *, now_ns: int, commanding: bool) -> None:
         """The quality fell."""
         cycle, fell_at_ns = self._path.cycle, self._meter.fell_at_ns
-        bad = self._bad[-1] if self._bad and now_ns - self._bad[-1].judged_ns <= WINDOW_NS else None
+        bad = self._last(now_ns)
         if bad is None or bad.judged_ns != fell_at_ns:
             slow = [one for one in self._path.used if one[0] == fell_at_ns and 2 * one[1] >= self._budget_ns]
             if slow and new is Quality.GOOD and self._meter.answered_count * 100 >= 99 * self._meter.expected_count:
@@ -144,16 +145,13 @@ class ConnectionDiagnosis:
                 return
         if bad is None:
             return
-        fall = _Fall(old, new, cycle, now_ns, bad, commanding, self._counts(now_ns), now_ns)
-        self._tell_or_wait(fall, now_ns)
+        self._tell_or_wait(_Fall(old, new, cycle, now_ns, bad, commanding, self._counts(now_ns)))
 
     def recorded_fall(self, old: Quality, new: Quality, message: int, *, now_ns: int, commanding: bool) -> None:
         """The controller told in ``message`` that the quality fell; by what rule it judged is not known."""
-        recent = [one for one in self._bad if now_ns - one.judged_ns <= WINDOW_NS]
-        if recent:
-            self._tell_or_wait(
-                _Fall(old, new, message, now_ns, recent[-1], commanding, self._counts(now_ns), now_ns), now_ns
-            )
+        bad = self._last(now_ns)
+        if bad is not None:
+            self._tell_or_wait(_Fall(old, new, message, now_ns, bad, commanding, self._counts(now_ns)))
             return
         self._add(
             Finding(
@@ -284,13 +282,13 @@ class ConnectionDiagnosis:
             "messages_skipped": self._path.skipped,
         }
 
-    def _tell_or_wait(self, fall: _Fall, now_ns: int) -> None:
+    def _tell_or_wait(self, fall: _Fall) -> None:
         if fall.bad.age_ns is None:
-            fall.tell_at_ns = now_ns + max(_ANSWER_WAIT_NS, 4 * self._budget_ns)
+            fall.tell_at_ns = fall.at_ns + max(_ANSWER_WAIT_NS, 4 * self._budget_ns)
             self._falls.append(fall)
             self.tell_at_ns = min(one.tell_at_ns for one in self._falls)
         else:
-            self._tell_fall(fall, now_ns)
+            self._tell_fall(fall, fall.at_ns)
 
     def _is_of(self, bad: _Bad, reflected: int) -> bool:
         return (reflected - bad.counter) % SEQUENCE_MODULUS < self._multiplier
@@ -315,16 +313,24 @@ class ConnectionDiagnosis:
             return Whose.PEER_OR_WIRE
         return Whose.CONTROLLER if 2 * (age_ns - own_ns) <= self._budget_ns else Whose.BOTH
 
+    def _last(self, now_ns: int) -> _Bad | None:
+        """Return the last one, if it is of the last second."""
+        return self._bad[-1] if self._bad and now_ns - self._bad[-1].judged_ns <= WINDOW_NS else None
+
+    def _recent_faults(self, now_ns: int) -> list[Whose]:
+        """Return whose fault each one of the last second was."""
+        return [one.whose for one in self._bad if now_ns - one.judged_ns <= WINDOW_NS]
+
     def _whose_in_window(self, tipping: Whose, now_ns: int) -> Whose:
         """Return whose fault it was where others made it possible that one answer tipped it."""
-        recent = [one.whose for one in self._bad if now_ns - one.judged_ns <= WINDOW_NS]
+        recent = self._recent_faults(now_ns)
         if recent.count(tipping) >= _MIXED_SHARE * len(recent):
             return tipping
         return Whose.BOTH
 
     def _counts(self, now_ns: int) -> str:
         meter = self._meter
-        recent = [one.whose for one in self._bad if now_ns - one.judged_ns <= WINDOW_NS]
+        recent = self._recent_faults(now_ns)
         bad = meter.expected_count - meter.answered_count
         text = f"{bad} of the {meter.expected_count} answers of the last second were late or missing"
         shares = [f"{recent.count(whose)} {self._name(whose)}" for whose in self.late if whose in recent]

@@ -16,13 +16,12 @@ class _Kept:
     first_ns: int
     last_ns: int
     worst: Finding
-    latest: Finding
     count: int
     told_ns: int
 
 
 class FindingLog:
-    """Keeps the worst and the latest finding of each kind and subject."""
+    """Keeps the worst finding of each kind and subject."""
 
     def __init__(self, emit: Callable[[Event], None]) -> None:
         self._emit = emit
@@ -40,11 +39,11 @@ class FindingLog:
             if len(self._kept) >= MAX_SUBJECTS:
                 self.not_kept += 1
                 return
-            self._kept[key] = _Kept(now_ns, now_ns, finding, finding, 1, now_ns)
+            self._kept[key] = _Kept(now_ns, now_ns, finding, 1, now_ns)
             self._emit(Diagnosed(now_ns, finding))
             return
         kept.count += 1
-        kept.last_ns, kept.latest = now_ns, finding
+        kept.last_ns = now_ns
         worse = finding.severity.value > kept.worst.severity.value
         if finding.severity.value >= kept.worst.severity.value:
             kept.worst = finding
@@ -54,12 +53,10 @@ class FindingLog:
 
     def worst(self) -> list[Finding]:
         """Return the worst finding of each kind and subject, the worst first."""
-        kept = sorted(self._kept.values(), key=lambda one: (-one.worst.severity.value, one.first_ns))
-        return [one.worst for one in kept]
+        return [one.worst for _, one in self._worst_first()]
 
     def report(self) -> list[dict[str, object]]:
         """Return them for the status file, the worst first; times in seconds."""
-        kept = sorted(self._kept.items(), key=lambda item: (-item[1].worst.severity.value, item[1].first_ns))
         return [
             {
                 "subject": subject,
@@ -68,5 +65,9 @@ class FindingLog:
                 "count": one.count,
                 **one.worst.as_dict(),
             }
-            for (_, subject), one in kept
+            for subject, one in self._worst_first()
         ]
+
+    def _worst_first(self) -> list[tuple[str, _Kept]]:
+        kept = ((subject, one) for (_, subject), one in self._kept.items())
+        return sorted(kept, key=lambda item: (-item[1].worst.severity.value, item[1].first_ns))

@@ -11,13 +11,12 @@ from hil.values.motion import ACCELERATION_OVERRIDE, JOINT_JERK, MotionKind
 from hil.values.robot import JOINT_NAMES
 
 KIND: Final = "feedback-oscillation"
-_NAMES: Final = {MotionKind.SMART_SERVO: "SmartServo", MotionKind.DIRECT_SERVO: "DirectServo"}
 FRI: Final = "FRI overlay"
 
 
 def name_of(motion: ApplicationMotion | None) -> str:
     """Return what carries the loop: a servo motion, or without one the FRI overlay."""
-    return FRI if motion is None else _NAMES[motion.kind]
+    return FRI if motion is None else motion.kind.manual_name
 
 
 def oscillation_finding(

@@ -15,7 +15,6 @@ SECONDS_HAND: Final = "seconds-hand"
 LEAST_SHARE: Final = 1.5
 MOST_SHARE: Final = 2.0
 """Manual 11.2: the minimum execution time is 1.5 to 2 times the cycle time of the application."""
-_NAMES: Final = {MotionKind.SMART_SERVO: "SmartServo", MotionKind.DIRECT_SERVO: "DirectServo"}
 
 
 def seconds_hand(motion: ServoMotion, number: int) -> Finding:
@@ -37,7 +36,7 @@ def seconds_hand(motion: ServoMotion, number: int) -> Finding:
         else "the application sets its destinations too late for this motion, or too near"
     )
     sentence = (
-        f"motion {number} ({_NAMES[motion.kind]}): the arm stood still before {found.standstills} of the last "
+        f"motion {number} ({motion.kind.manual_name}): the arm stood still before {found.standstills} of the last "
         f"{found.sections} destinations (seconds hand effect): {reached}: {cause}"
     )
     low_s, high_s = minimum_execution_times_s(found.cycle_ms)

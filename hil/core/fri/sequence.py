@@ -70,17 +70,16 @@ class SequenceTracker:
             return Verdict(Outcome.UNSENT_SEQUENCE, 0, f"reflects message {reflected}, which was never sent")
         last = self.last_answered
         if last is not None and not _is_before(last, reflected):
-            return self._overtaken(reflected, last, now_ns)
+            return self._overtaken(reflected, last, distance, now_ns)
         return Verdict(
             Outcome.REPLAYED, 0, f"reflects message {reflected}, older than the last {len(self._sent_ns)} messages"
         )
 
-    def _overtaken(self, reflected: int, last: int, now_ns: int) -> Verdict:
+    def _overtaken(self, reflected: int, last: int, distance: int, now_ns: int) -> Verdict:
         if reflected == last:
             return Verdict(Outcome.DUPLICATE, 0, f"message {reflected} was answered just before")
         if reflected in self._answered or counter_distance(reflected, last) >= REMEMBERED:
             return Verdict(Outcome.REPLAYED, 0, f"message {reflected} was answered before, or is long gone")
-        distance = (self.next_counter - 1 - reflected) % SEQUENCE_MODULUS
         age_ns = now_ns - self._sent_ns[-1 - distance] if distance < len(self._sent_ns) else 0
         return Verdict(Outcome.REORDERED, age_ns, f"reflects {reflected} after {last} was answered")
 

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from hil.replay.replay import ProgressTold, own_header
-from hil.values.finding import Diagnosis, EvidenceTable, Finding, Severity, Whose
+from hil.values.finding import Diagnosis, EvidenceTable, Finding, Severity, Whose, worst_first
 from hil.values.fri import Release
 from tools.doctor.capture.elsewhere import diagnose_elsewhere
 from tools.doctor.capture.own import diagnose_own
@@ -84,7 +84,7 @@ def _not_exact(why: str) -> Finding:
 
 
 def _result(findings: tuple[Finding, ...], tables: tuple[EvidenceTable, ...], damage: str) -> CaptureDiagnosis:
-    ordered = sorted(findings, key=lambda finding: -finding.severity.value)
+    ordered = worst_first(findings)
     if damage:
         ordered.append(
             Finding(
@@ -99,7 +99,7 @@ def _result(findings: tuple[Finding, ...], tables: tuple[EvidenceTable, ...], da
 
 def _healthy_first(findings: list[Finding]) -> tuple[Finding, ...]:
     """The good news leads where there is nothing worse than a note, though a note is worse than good."""
-    worse = [one for one in findings if one.severity.value > Severity.NOTE.value and one.kind != DAMAGED]
+    worse = [one for one in findings if one.is_wrong and one.kind != DAMAGED]
     if worse:
         return tuple(one for one in findings if one.severity is not Severity.GOOD)
     return tuple(sorted(findings, key=lambda finding: finding.severity is not Severity.GOOD))

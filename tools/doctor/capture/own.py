@@ -4,21 +4,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
-from hil.core.controller import Controller
+from hil.core.controller import SHUTS_DOWN, Controller
 from hil.core.diagnosis.connection import QUALITY_NOT_REACHED
 from hil.core.fri.link import FriLink
 from hil.replay.exact import ExactReplay
 from hil.replay.replay import ProgressTold, replay_own
 from hil.replay.result import ReplayResult
 from hil.runtime.capture_header import CaptureHeader
-from hil.values.finding import EvidenceTable, Finding, Severity
+from hil.values.finding import EvidenceTable, Finding, worst_first
 from hil.values.fri import Quality
-from hil.values.outcomes import Outcome
 from tools.doctor.capture.healthy import healthy, late_and_missing, silent_client
 from tools.doctor.capture.tables import fault_table, slowest_table, split_table, state_table
-
-_PEERS = (Outcome.DUPLICATE, Outcome.REORDERED, Outcome.REPLAYED, Outcome.UNSENT_SEQUENCE)
-"""What becomes of answers by peer or wire alone, whatever this controller does."""
 
 
 class OwnDiagnosis(NamedTuple):
@@ -52,8 +48,7 @@ def diagnose_own(file: Path, header: CaptureHeader, *, progress: ProgressTold | 
             tables.extend(_tables(title, fri, limit))
 
     result = replay_own(file, header, progress=progress, finished=look)
-    findings.sort(key=lambda finding: -finding.severity.value)
-    return OwnDiagnosis(result, tuple(findings), tuple(tables), bool(links))
+    return OwnDiagnosis(result, tuple(worst_first(findings)), tuple(tables), bool(links))
 
 
 def _was_good(fri: FriLink) -> bool:
@@ -66,13 +61,13 @@ def _not_reached(controller: Controller) -> bool:
 
 def _findings(title: str, controller: Controller, fri: FriLink) -> list[Finding]:
     found = controller.findings.worst()
-    if all(one.severity.value <= Severity.NOTE.value for one in found):
+    if not any(one.is_wrong for one in found):
         found.insert(0, _healthy(title, controller, fri))
     return found
 
 
 def _healthy(title: str, controller: Controller, fri: FriLink) -> Finding:
-    stops = [stop for stop in controller.stops if stop.reason != "the controller shuts down"]
+    stops = [stop for stop in controller.stops if stop.reason != SHUTS_DOWN.reason]
     ended = f"; the arm was stopped for another reason: {stops[-1].reason}" if stops else ""
     latency = fri.answer_latency
     if not latency.count:
@@ -96,11 +91,10 @@ def _healthy(title: str, controller: Controller, fri: FriLink) -> Finding:
 def _tables(title: str, fri: FriLink, limit: int) -> list[EvidenceTable]:
     report = fri.diagnosis.report()
     counts = cast("dict[str, dict[str, int]]", {what: report[what] for what in ("late", "missing")})
-    beside = {one.value: fri.counters.by_outcome[one] for one in _PEERS}
     history = [(f"{one.at_ns / 1e9:.3f} s", one.new.name, one.quality.name, one.reason) for one in fri.log.history]
     return [
         state_table(f"{title}session states", history, ("at", "state", "quality", "reason")),
-        split_table(f"{title}where the time of the answers went", fri.path.histograms),
+        split_table(f"{title}where the time of the answers went", fri.path.histograms, own=True),
         slowest_table(f"{title}slowest answers [ms]", fri.path.worst, limit, own=True),
-        fault_table(f"{title}answers that did not count", counts, beside),
+        fault_table(f"{title}answers that did not count", counts, fri.counters.by_outcome),
     ]

@@ -5,19 +5,26 @@ from collections.abc import Iterable, Mapping, Sequence
 from hil.core.diagnosis.answer_path import SlowAnswer
 from hil.core.statistics import Histogram
 from hil.values.finding import EvidenceTable
+from hil.values.outcomes import Outcome
 
-_PARTS = {
+_OWN_PARTS = {
     "send_lateness": "our send: due to departed",
     "peer_and_wire": "peer and wire: departed to the kernel's stamp",
     "wait": "wait for the next cycle, by design",
     "use_lateness": "our use: that cycle's lateness",
 }
+_SEEN_PARTS = {
+    "send_lateness": "send: behind the grid of its messages",
+    "peer_and_wire": "peer and wire: message to answer, at the capture's place",
+}
+_PEERS = (Outcome.DUPLICATE, Outcome.REORDERED, Outcome.REPLAYED, Outcome.UNSENT_SEQUENCE)
+"""What becomes of answers by peer or wire alone, whatever the controller does."""
 _ROWS = 12
 
 
-def split_table(title: str, parts: Mapping[str, Histogram], names: Mapping[str, str] | None = None) -> EvidenceTable:
-    """Return the distribution of each part of the answers' time, in milliseconds."""
-    told = names or _PARTS
+def split_table(title: str, parts: Mapping[str, Histogram], *, own: bool) -> EvidenceTable:
+    """Return the distribution of each part of the answers' time, [ms]; those of others than ``own`` have two."""
+    told = _OWN_PARTS if own else _SEEN_PARTS
     rows = [
         (told[name], str(part.count), *(_ms(value) for value in part.summary_us().values()))
         for name, part in parts.items()
@@ -36,10 +43,10 @@ def slowest_table(title: str, answers: Sequence[SlowAnswer], limit: int, *, own:
     return EvidenceTable(title, (*columns, "wait", "our use", "cycle") if own else columns, tuple(rows))
 
 
-def fault_table(title: str, counts: Mapping[str, Mapping[str, int]], beside: Mapping[str, int]) -> EvidenceTable:
+def fault_table(title: str, counts: Mapping[str, Mapping[str, int]], outcomes: Mapping[Outcome, int]) -> EvidenceTable:
     """Return late and missing answers by whose fault, and what else became of answers, which is peer's or wire's."""
     rows = [(what, str(of["controller"]), str(of["peer_or_wire"]), str(of["both"])) for what, of in counts.items()]
-    rows += [(what.replace("_", " "), "0", str(count), "0") for what, count in beside.items() if count]
+    rows += [(one.value.replace("_", " "), "0", str(outcomes[one]), "0") for one in _PEERS if outcomes[one]]
     return EvidenceTable(title, ("answers", "the controller's", "peer's or wire's", "both"), tuple(rows))
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from hil.client.servo.statistic_timer import StatisticTimer
-from hil.values.finding import Figure, Finding, Severity, Whose
+from hil.values.finding import Figure, Finding, Severity, Whose, worst_first
 from tools.doctor.capture.tcp.connection import Connection
 from tools.doctor.capture.tcp.direction import Direction, Stall
 from tools.doctor.capture.tcp.sides import Side, client_of, server_of
@@ -33,7 +33,7 @@ def findings_of(connection: Connection) -> list[Finding]:
     ):
         found.extend(_of_direction(connection, direction, sender, acknowledger))
     found.extend(_late_answers(connection))
-    found.sort(key=lambda finding: -finding.severity.value)
+    found = worst_first(found)
     if not found or found[0].severity is Severity.NOTE:
         found[:0] = _healthy(connection, noted=bool(found))
     return found
