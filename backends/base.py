@@ -4,7 +4,7 @@ import math
 from abc import ABC, abstractmethod
 from typing import Final
 
-from hil.values.arm import ArmState, Capabilities, JointCommand, Push
+from hil.values.arm import AT_WORK, ArmState, Capabilities, JointCommand, Push, RobotSideCondition
 from hil.values.errors import BackendError, ConfigurationError
 from hil.values.fri import DriveState
 from hil.values.robot import JOINT_COUNT, Seven
@@ -109,6 +109,14 @@ class InProcessBackend(ABC):
                 raise self._failure("switch_drives", error) from error
             self._drive_states = _OFF
         self._measured = measured._replace(drive_states=self._drive_states, commanded_torque_nm=_NO_TORQUE)
+
+    def condition(self) -> RobotSideCondition:
+        """Return that it always takes commands; a backend that can fail says so here."""
+        return AT_WORK
+
+    def resume(self) -> None:
+        """Nothing was lost."""
+        return
 
     def push(self, push: Push) -> None:
         """Push the arm from the next step on; raise :class:`BackendError` where nothing can."""

@@ -9,6 +9,16 @@ from hil.values.robot import JOINT_COUNT, RobotDescription, Seven
 from hil.values.tuples import new_tuple
 
 _ZERO: Seven = (0.0,) * JOINT_COUNT  # type: ignore[assignment]
+CAPABILITIES = Capabilities(
+    joint_count=JOINT_COUNT,
+    takes_torque=False,
+    torque_sigma_nm=None,
+    can_be_pushed=False,
+    shortest_period_ns=1_000_000,
+    paces_the_cycle=False,
+    moves_real_drives=False,
+    switches_drives=True,
+)
 
 
 class IdealBackend(InProcessBackend):
@@ -24,16 +34,7 @@ class IdealBackend(InProcessBackend):
     @property
     def capabilities(self) -> Capabilities:
         """Seven joints, position control, drives that can be dropped, cycles of whole milliseconds."""
-        return Capabilities(
-            joint_count=JOINT_COUNT,
-            takes_torque=False,
-            torque_sigma_nm=None,
-            can_be_pushed=False,
-            shortest_period_ns=1_000_000,
-            paces_the_cycle=False,
-            moves_real_drives=False,
-            switches_drives=True,
-        )
+        return CAPABILITIES
 
     def _open(self, _period_ns: int) -> None:
         self._velocity = _ZERO

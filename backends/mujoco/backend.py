@@ -21,7 +21,7 @@ from backends.base import InProcessBackend
 from backends.mujoco.brakes import Brakes
 from backends.mujoco.load import hang
 from backends.mujoco.pushes import Pushes
-from backends.mujoco.torque_sensors import TorqueSensors
+from backends.mujoco.torque_sensors import SIGMA_NM, TorqueSensors
 from backends.robots import load_mujoco
 from hil.values.arm import ArmState, Capabilities, JointCommand, Push, seven
 from hil.values.errors import BackendError
@@ -44,6 +44,20 @@ LOOP_FREQUENCY_RAD_S = 150.0
 _SPRING = LOOP_FREQUENCY_RAD_S * LOOP_FREQUENCY_RAD_S
 _DAMPER = 2.0 * LOOP_FREQUENCY_RAD_S
 _ACCELERATION = Struct(f"{JOINT_COUNT}d")
+
+
+def capabilities(torque_sigma_nm: Seven = SIGMA_NM) -> Capabilities:
+    """Return what such an arm can do, with torque sensors of that noise."""
+    return Capabilities(
+        joint_count=JOINT_COUNT,
+        takes_torque=True,
+        torque_sigma_nm=torque_sigma_nm,
+        can_be_pushed=True,
+        shortest_period_ns=_STEP_NS,
+        paces_the_cycle=False,
+        moves_real_drives=False,
+        switches_drives=True,
+    )
 
 
 class MujocoBackend(InProcessBackend):
@@ -89,16 +103,7 @@ class MujocoBackend(InProcessBackend):
     @property
     def capabilities(self) -> Capabilities:
         """Seven joints that take positions or torques, drives that can be dropped, cycles of whole milliseconds."""
-        return Capabilities(
-            joint_count=JOINT_COUNT,
-            takes_torque=True,
-            torque_sigma_nm=self._sensors.sigma_nm,
-            can_be_pushed=True,
-            shortest_period_ns=_STEP_NS,
-            paces_the_cycle=False,
-            moves_real_drives=False,
-            switches_drives=True,
-        )
+        return capabilities(self._sensors.sigma_nm)
 
     def _open(self, period_ns: int) -> None:
         self._steps = period_ns // _STEP_NS
@@ -136,7 +141,7 @@ class MujocoBackend(InProcessBackend):
             self._follows_on = False
             return
         self._told = None
-        position, self._velocity, self._feed_forward, _ = command
+        position, self._velocity, self._feed_forward = command[:3]
         self._from = self._to if self._follows_on else position
         self._to = position
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 _QUANTUM_NM = np.array([1.344e-3] * 2 + [8.80e-4] * 3 + [3.34e-4] * 2)
 _PER_QUANTUM = 1.0 / _QUANTUM_NM
-_SIGMA_NM: Seven = (0.0041, 0.026, 0.0028, 0.0085, 0.0028, 0.0013, 0.0014)
+SIGMA_NM: Seven = (0.0041, 0.026, 0.0028, 0.0085, 0.0028, 0.0013, 0.0014)
 _EXACT: Seven = (0.0,) * 7
 _BLOCK = 1024
 
@@ -31,7 +31,7 @@ class TorqueSensors:
         self._noise = noise
         self._row = _BLOCK
         self._drawn = np.empty((_BLOCK, 7))
-        self.sigma_nm: Seven = _SIGMA_NM if noise else _EXACT
+        self.sigma_nm: Seven = SIGMA_NM if noise else _EXACT
         """Standard deviation of what they show."""
 
     def sense(self, torque_nm: "NDArray[np.float64]") -> "NDArray[np.float64]":
@@ -40,7 +40,7 @@ class TorqueSensors:
             return torque_nm
         if self._row == _BLOCK:
             self._row = 0
-            self._drawn = self._random.standard_normal((_BLOCK, 7)) * _SIGMA_NM
+            self._drawn = self._random.standard_normal((_BLOCK, 7)) * SIGMA_NM
         row = self._row
         self._row += 1
         shown: NDArray[np.float64] = np.rint((torque_nm + self._drawn[row]) * _PER_QUANTUM) * _QUANTUM_NM

@@ -33,7 +33,8 @@ def init(file: Annotated[Path, typer.Argument(help="File to write.")] = Path("st
 def check(file: Annotated[Path, typer.Argument(help="Station file to check.")]) -> None:
     """Check a station file, addresses and names included, and show what it means."""
     station = load_station(file)
-    from hil.runtime.assembly import check_backend, link_addresses, make_servo_codec, robot_description
+    from backends.registry import check_backend
+    from hil.runtime.assembly import link_addresses, make_servo_codec, robot_description
 
     if station.tcp_probe is not None:
         from transport.tcp.sockets import parse_tcp_address
@@ -43,7 +44,7 @@ def check(file: Annotated[Path, typer.Argument(help="Station file to check.")]) 
     columns = []
     for robot in station.robot:
         robot_description(robot)
-        check_backend(robot.backend)
+        check_backend(robot.backend, robot.options)
         addresses = link_addresses(robot)
         rows = {
             "model": robot.model,

@@ -28,8 +28,8 @@ def demo(
     fri_version: Annotated[Release, typer.Option(help="FRI release of the client.")] = Release.V1_15,
 ) -> None:
     """Let a sample FRI client move axis 4 of a simulated arm by a sine, over UDP at 1 kHz, and show what happened."""
+    from backends.registry import check_backend
     from backends.robots import load_description
-    from hil.runtime.assembly import check_backend
     from transport.udp import free_port
 
     load_description(robot)

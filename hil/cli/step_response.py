@@ -38,8 +38,8 @@ def step_response(  # noqa: PLR0917  # typer makes the options of the parameters
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
     """Step each axis under SmartServo, SmartServo fast and DirectServo, in virtual time (manual 7.12)."""
+    from backends.registry import check_backend
     from backends.robots import load_description
-    from hil.runtime.assembly import check_backend
     from tools.step_response.drawing import draw, picture_count
     from tools.step_response.measuring import CASES, check_step, measure_steps
     from tools.step_response.report import StepResponseReport

@@ -143,7 +143,12 @@ class RobotConfig(_Model):
 
     name: Annotated[str, Field(min_length=1, max_length=40, description="name in logs and status")] = "arm"
     model: Annotated[str, Field(description="robot model")] = "lbr-iiwa-14-r820"
-    backend: Annotated[str, Field(description="robot side: mujoco or ideal")] = "mujoco"
+    backend: Annotated[str, Field(description="robot side: mujoco, ideal, or another that hil backends lists")] = (
+        "mujoco"
+    )
+    options: Annotated[
+        dict[str, Any], Field(description="options of the backend, which checks them: hil backends NAME lists them")
+    ] = {}  # pydantic copies a default
     mode: Annotated[Mode, Field(description="operation mode")] = Mode.AUT
     enabled: Annotated[
         bool,

@@ -30,7 +30,7 @@ from hil.core.safety.supervisor import Supervisor, operator_report
 from hil.core.servo.link import SERVO_LINK, ServoLink
 from hil.core.settings import ControllerSettings
 from hil.core.signals import SignalTable
-from hil.values.arm import ArmState, Backend
+from hil.values.arm import ArmState, Backend, PeerBackend
 from hil.values.control import ControlSetup
 from hil.values.errors import ConfigurationError, IllegalTransition
 from hil.values.fri import OverlayKind
@@ -42,9 +42,11 @@ from hil.values.robot import RobotDescription
 from hil.values.servo import ServoControllerCodec
 from hil.values.tuples import new_tuple
 
-__all__ = ["FRI_LINK", "SHUTS_DOWN", "Controller", "operator_report"]
+__all__ = ["FRI_LINK", "ROBOT_SIDE_LINK", "SHUTS_DOWN", "Controller", "operator_report"]
 
 FRI_LINK = "fri"
+ROBOT_SIDE_LINK = "robot side"
+"""The link to a robot side that is a network peer."""
 SHUTS_DOWN = Fault("the controller shuts down")
 MAX_EVENTS = 10_000
 _POSITION_OVERLAYS = frozenset({OverlayKind.JOINT_POSITION, OverlayKind.CARTESIAN_POSE})
@@ -66,6 +68,7 @@ class Controller:
     ) -> None:
         self._settings = settings
         self._backend = backend
+        self._peer = backend if isinstance(backend, PeerBackend) else None
         self._on_stage = on_stage
         self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._outgoing: list[Outgoing] = []
@@ -83,7 +86,9 @@ class Controller:
             positions_laid_over=settings.fri is not None and settings.fri.overlay in _POSITION_OVERLAYS,
         )
         self._control = ControlStage(
-            model.dynamics(settings.load), sensor_sigma_nm=backend.capabilities.torque_sigma_nm
+            model.dynamics(settings.load),
+            sensor_sigma_nm=backend.capabilities.torque_sigma_nm,
+            runs_laws=backend.capabilities.takes_torque or not backend.capabilities.passes_overlays,
         )
         self._pusher = Pusher(backend)
         self._safety = Supervisor(
@@ -124,6 +129,8 @@ class Controller:
             self._fri.receive(datagram, source.address, now_ns=now_ns)
         elif source.link == SERVO_LINK and self._servo is not None:
             self._servo.receive(datagram, source.address, now_ns=now_ns)
+        elif source.link == ROBOT_SIDE_LINK and self._peer is not None:
+            self._peer.receive(datagram, source.address, now_ns=now_ns)
 
     def operate(self, action: OperatorAction, *, now_ns: int) -> str:
         """Do what the operator did with the pad; return why that changes nothing, or an empty text."""
@@ -207,6 +214,7 @@ class Controller:
             "packets": fri.counters.report() if fri is not None else None,
             "servo": self._servo.report() if self._servo is not None else None,
             "io": self._signals.report(),
+            "robot_side": self._peer.report() if self._peer is not None else None,
             "findings": self._findings.report(),
             "transformations": fri.transformations.report() if fri is not None else {},
             **self._safety.report(),
@@ -281,7 +289,7 @@ class Controller:
             settings.fri.transformations, release=codec.release, unix_epoch_ns=settings.unix_epoch_ns
         )
         settings.fri.check_release(codec.release)
-        settings.fri.check_robot_side(takes_torque=self._backend.capabilities.takes_torque)
+        settings.fri.check_robot_side(self._backend.capabilities)
         validation = LoadValidation(dynamics=self._control.dynamics, kinematics=kinematics, limits=description.limits)
         return FriLink(
             settings=settings.fri,
@@ -351,6 +359,8 @@ class Controller:
 
     def _read(self, now_ns: int, _started_ns: int) -> None:
         self._before = self._motion.set_point
+        if self._peer is not None:
+            self._peer.advance(now_ns=now_ns)
         self._arm = arm = self._control.read(self._backend.read(), now_ns=now_ns)
         self._safety.read(arm, now_ns=now_ns)
 
@@ -409,6 +419,8 @@ class Controller:
         proposed, motion, backend = self._proposed, self._motion, self._backend
         backend.write(self._control.command(proposed, motion, now_ns=now_ns))
         backend.step()
+        if self._peer is not None:
+            self._outgoing += [Outgoing(ROBOT_SIDE_LINK, *answer) for answer in self._peer.outgoing()]
         if motion.commit(proposed, now_ns=now_ns):
             self._events.append(ArmResting(now_ns))
 

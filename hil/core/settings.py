@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Final
 
+from hil.values.arm import Capabilities
 from hil.values.control import POSITION_CONTROL, ControlModeSettings, ControlSetup
 from hil.values.errors import ConfigurationError, OutOfRange
 from hil.values.frames import FrameTree
@@ -96,10 +97,12 @@ class FriSettings:
         if self.overlay is OverlayKind.CARTESIAN_POSE and not TRAITS[release].pose:
             raise ConfigurationError(f"a {self.overlay} overlay needs a client of release 2.x, not {release}")
 
-    def check_robot_side(self, *, takes_torque: bool) -> None:
+    def check_robot_side(self, capabilities: Capabilities) -> None:
         """Raise :class:`ConfigurationError` if the robot side cannot control the arm so."""
         setup = ControlSetup(self.control)
-        if self.overlay is not OverlayKind.NONE and setup.yields and not takes_torque:
+        if capabilities.takes_torque or self.overlay is OverlayKind.NONE:
+            return
+        if setup.yields and self.overlay not in capabilities.passes_overlays:
             raise ConfigurationError(
                 f"a {self.overlay} overlay under {_CONTROL_NAMES[setup.kind]} needs a robot side that takes torques; "
                 f"this one takes positions only"

@@ -4,13 +4,15 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from backends.registry import make_backend
 from backends.robots import load_description, load_pinocchio
 from hil.config.station import RobotConfig, ServoConfig
 from hil.core.controller import Controller
 from hil.core.model import ArmModel
 from hil.core.settings import NS_PER_MS, ServoSettings
 from hil.values.arm import Backend
-from hil.values.errors import ConfigurationError, UnknownName
+from hil.values.backend import BackendRequest
+from hil.values.errors import ConfigurationError
 from hil.values.fri import CLIENT_PORT
 from hil.values.fri_messages import ControllerCodec
 from hil.values.link import Address
@@ -21,7 +23,6 @@ from transport.fri import FriCodec
 from transport.servo import ServoCodec, load_key
 from transport.udp import default_bind, parse_address, refuse_shared_port
 
-BACKENDS = ("mujoco", "ideal")
 TOKEN_SECRET_BYTES = 32
 
 
@@ -61,22 +62,24 @@ def robot_description(config: RobotConfig) -> RobotDescription:
     return config.limits.tighten(load_description(config.model))
 
 
-def check_backend(name: str) -> None:
-    """Raise :class:`UnknownName` if there is no backend of that name."""
-    if name not in BACKENDS:
-        raise UnknownName("backend", name, BACKENDS)
+def backend_of(config: RobotConfig, description: RobotDescription) -> Backend:
+    """Return the robot side a configuration names, not yet open.
 
-
-def make_backend(config: RobotConfig, description: RobotDescription) -> Backend:
-    """Return the robot side a configuration names, not yet open; raise :class:`UnknownName`."""
-    check_backend(config.backend)
-    if config.backend == "ideal":
-        from backends.ideal import IdealBackend
-
-        return IdealBackend(description)
-    from backends.mujoco import MujocoBackend
-
-    return MujocoBackend(description, seed=config.seed, load=config.true_load(), torque_noise=config.torque_noise)
+    Raises :class:`UnknownName` or :class:`ConfigurationError`.
+    """
+    return make_backend(
+        config.backend,
+        BackendRequest(
+            robot=config.name,
+            description=description,
+            cycle_ns=config.cycle_ms * NS_PER_MS,
+            options=config.options,
+            seed=config.seed,
+            load=config.true_load(),
+            torque_noise=config.torque_noise,
+            base_in_world=config.base.pose(),
+        ),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,13 +106,13 @@ def open_parts(config: RobotConfig, *, initial_position_rad: Seven | None = None
     if initial_position_rad is not None:
         description = replace(description, initial_position_rad=initial_position_rad)
     servo_codec = None if config.servo is None else make_servo_codec(config.servo)
-    backend = make_backend(config, description)
+    backend = backend_of(config, description)
     if backend.capabilities.moves_real_drives and (config.permissive or config.enabled):
         wish = "permissive" if config.permissive else "enabled"
         raise ConfigurationError(f"{config.name}: the backend {config.backend} moves real drives: never {wish}")
     if config.fri is not None:
         peer = Address("127.0.0.1", CLIENT_PORT)
-        config.fri.settings(peer).check_robot_side(takes_torque=backend.capabilities.takes_torque)
+        config.fri.settings(peer).check_robot_side(backend.capabilities)
     model = ArmModel(load_pinocchio(description.name))
     backend.open(period_ns=config.cycle_ms * NS_PER_MS)
     return RobotParts(description, model, backend, servo_codec)

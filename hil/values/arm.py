@@ -2,10 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol, runtime_checkable
 
+from hil.values.control import Six
 from hil.values.errors import OutOfRange
-from hil.values.fri import DriveState
+from hil.values.fri import DriveState, OperationMode, OverlayKind, SafetyState
+from hil.values.link import Address
 from hil.values.robot import JOINT_COUNT, Seven, Three
 
 MAX_PUSH_N: Final = 500.0
@@ -34,6 +36,15 @@ class ArmState(NamedTuple):
     sample: int
 
 
+class OverlayCommand(NamedTuple):
+    """What an overlay adds, for a robot side that runs the control law itself (``passes_overlays``)."""
+
+    torque_nm: Seven
+    """On top of joint impedance."""
+    wrench: Six
+    """N and Nm at the flange, on top of Cartesian impedance."""
+
+
 class JointCommand(NamedTuple):
     """What the arm is told for the next cycle: position in rad, its rate in rad/s, and the rate of that in rad/s2.
 
@@ -47,6 +58,8 @@ class JointCommand(NamedTuple):
     acceleration_rad_s2: Seven = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     torque_nm: Seven | None = None
     """Of the motors, positive towards plus."""
+    overlay: OverlayCommand | None = None
+    """Only where ``passes_overlays`` is not empty."""
 
 
 class Push(NamedTuple):
@@ -73,6 +86,25 @@ class Push(NamedTuple):
             raise OutOfRange("duration of a push", self.duration_s, f"0 ... {MAX_PUSH_S:g} s")
 
 
+class RobotSideCondition(NamedTuple):
+    """What a robot side says of itself beside the measured arm; the same object as long as nothing changed."""
+
+    takes_commands: bool = True
+    """Whether what is written reaches the arm. Where not, ``reason`` says why, and motions wait."""
+    reason: str = ""
+    failure: str = ""
+    """What failed and must be acknowledged before anything moves again; :meth:`Backend.resume` is that."""
+    operation_mode: OperationMode | None = None
+    """Where the selector of the robot side stands; None: the controller has its own."""
+    safety_state: SafetyState = SafetyState.NORMAL_OPERATION
+    held_position_rad: Seven | None = None
+    """Where the robot side holds the arm by itself, as long as it takes no commands; None: where it is measured."""
+
+
+AT_WORK: Final = RobotSideCondition()
+"""Of a robot side that always takes commands and has nothing to say."""
+
+
 @dataclass(frozen=True, slots=True)
 class Capabilities:
     """What a robot side can do; told truthfully, because the controller refuses the rest."""
@@ -90,6 +122,11 @@ class Capabilities:
     moves_real_drives: bool
     switches_drives: bool
     """Whether the drives can be dropped from here; where they cannot, stops of category 0 and 1 brake and hold."""
+    passes_overlays: frozenset[OverlayKind] = frozenset()
+    """Overlays that it takes beside positions, because it runs their control law itself."""
+    has_own_operator: bool = False
+    """Whether mode selector and enabling switch are there, and the controller only follows them."""
+    longest_period_ns: int = 5_000_000
 
 
 class Backend(Protocol):
@@ -118,11 +155,58 @@ class Backend(Protocol):
         commands mean nothing; drives that come back hold the newest one. Only where ``switches_drives`` is true.
         """
 
+    def condition(self) -> RobotSideCondition:
+        """Return what the robot side says of itself now; the same object as long as nothing changed."""
+
+    def resume(self) -> None:
+        """Take commands again after a failure; nothing moves by it, and :meth:`condition` says whether it worked."""
+
     def push(self, push: Push) -> None:
         """Push the arm from the next step on, instead of the push before. Only where ``can_be_pushed`` is true."""
 
     def close(self) -> None:
         """Release everything."""
+
+
+class PeerLink(NamedTuple):
+    """Where a robot side that is a network peer is met, resolved."""
+
+    bind: Address
+    peer: Address | None
+    """Who is believed; None: the first one that sends something that can be read."""
+    first_message_s: float
+    """How long to wait for the first message."""
+
+
+@runtime_checkable
+class PeerBackend(Backend, Protocol):
+    """A robot side that is a network peer, and paces the cycle with its messages. It has no socket and no clock.
+
+    Datagrams come in with their time and go out through the controller, like those of every link; so a recording holds
+    them, and they replay.
+    """
+
+    @property
+    def link(self) -> PeerLink:
+        """Where the peer is met."""
+
+    def receive(self, datagram: bytes, sender: Address, *, now_ns: int) -> bool:
+        """Take a datagram; return whether it is one that a cycle is due for. Nothing a peer sends raises."""
+
+    def advance(self, *, now_ns: int) -> None:
+        """Notice how much time has passed; once a cycle, before :meth:`read`."""
+
+    def outgoing(self) -> list[tuple[bytes, Address]]:
+        """Return and forget what is to be sent; after :meth:`step`."""
+
+    def not_ready(self) -> str:
+        """Return why there is no measured state yet, empty once there is one; :meth:`read` works from then on.
+
+        Raises :class:`BackendError` where what came shows that there will never be one.
+        """
+
+    def report(self) -> dict[str, object]:
+        """Return figures of the link, for the status file."""
 
 
 def seven(values: Sequence[float]) -> Seven:

@@ -41,7 +41,7 @@ class Checked(MujocoBackend):
         self._limits = description.limits
 
     def _write(self, command: JointCommand) -> None:
-        position, velocity, acceleration, torque = command
+        position, velocity, acceleration, torque = command[:4]
         assert math.isfinite(sum(position) + sum(velocity) + sum(acceleration))
         for low, value, high in zip(
             self._limits.position_min_rad, position, self._limits.position_max_rad, strict=True

@@ -7,13 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from backends.registry import backend_names
 from backends.robots import load_description, robot_names
 from hil.cli.run import ServoOptions, chosen_controls, station_of
 from hil.config.control import ControlName
 from hil.config.limits import LimitsConfig
 from hil.config.station import Station, load_station, parse_station
 from hil.config.template import TEMPLATE
-from hil.runtime.assembly import BACKENDS, open_parts, robot_description
+from hil.runtime.assembly import open_parts, robot_description
 from hil.values.control import (
     CartesianImpedanceControlMode,
     ControlModeSettings,
@@ -35,7 +36,7 @@ def test_the_template_is_the_defaults_and_names_every_choice() -> None:
     assert written == Station.model_validate({"robot": [{"fri": {}, "servo": {}}]})
     for choice in (
         *robot_names(),
-        *BACKENDS,
+        *backend_names(),
         *Release,
         "T1",
         "T2",

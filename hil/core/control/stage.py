@@ -12,7 +12,7 @@ from hil.core.control.joint_impedance import JointImpedanceLaw
 from hil.core.estimation.flange_force import FlangeForce, FlangeForceEstimator
 from hil.core.estimation.momentum_observer import MomentumObserver
 from hil.core.motion.set_point import STILL, SetPoint
-from hil.values.arm import ArmState, JointCommand
+from hil.values.arm import ArmState, JointCommand, OverlayCommand
 from hil.values.control import (
     NO_WRENCH,
     CartesianImpedanceControlMode,
@@ -44,10 +44,14 @@ _CARTESIAN: Final = (CartesianImpedanceControlMode, CartesianSineImpedanceContro
 
 
 class ControlStage:
-    """One arm. ``sensor_sigma_nm`` is the noise of its torque sensors; None: it has none, and nothing is estimated."""
+    """One arm. ``sensor_sigma_nm`` is the noise of its torque sensors; None: it has none, and nothing is estimated.
 
-    def __init__(self, dynamics: Dynamics, *, sensor_sigma_nm: Seven | None) -> None:
+    Without ``runs_laws`` the robot side computes its own, and is handed what an overlay adds.
+    """
+
+    def __init__(self, dynamics: Dynamics, *, sensor_sigma_nm: Seven | None, runs_laws: bool = True) -> None:
         self._dynamics = dynamics
+        self._runs_laws = runs_laws
         self._observer = None if sensor_sigma_nm is None else MomentumObserver(sensor_sigma_nm=sensor_sigma_nm)
         self._force = FlangeForceEstimator()
         self._setup = ControlSetup()
@@ -83,7 +87,10 @@ class ControlStage:
         law = self._law
         if law is None:
             position, velocity, acceleration = set_point
-            return new_tuple(JointCommand, (position, velocity, acceleration, None))
+            if not self._runs_laws and setup.yields:
+                overlay = OverlayCommand(motion.overlay_torque_nm, motion.overlay_wrench)
+                return JointCommand(position, velocity, acceleration, overlay=overlay)
+            return new_tuple(JointCommand, (position, velocity, acceleration, None, None))
         if self._updated_ns != now_ns:
             # The law is new: the state of this cycle was read before anybody needed it.
             self._update(self._arm, now_ns)
@@ -154,7 +161,7 @@ class ControlStage:
         mode, same_motion = setup.mode, motion is self._motion
         self._motion = motion
         if not (same_motion and _changed(self._law, mode)):
-            self._law = _law(mode)
+            self._law = _law(mode) if self._runs_laws else None
 
 
 def _changed(law: Law | None, mode: ControlModeSettings) -> bool:

@@ -21,15 +21,17 @@ from hil.core.safety.monitors import PERMISSIVE, Monitors, Trip
 from hil.core.safety.operator import EMERGENCY_STOP, Operator, checked, describe
 from hil.core.safety.would_stop import WouldStopLog
 from hil.core.settings import ControllerSettings
-from hil.values.arm import ArmState, Backend, Push
+from hil.values.arm import AT_WORK, ArmState, Backend, Push, RobotSideCondition
 from hil.values.errors import ConfigurationError
-from hil.values.fri import OperationMode
+from hil.values.fri import OperationMode, SafetyState
 from hil.values.motion import ErrorReason, Fault
 from hil.values.operator import OperatorView, PadKey, Press, ProgramAction, ProgramState, SelectMode, StopCategory
 from hil.values.robot import JOINT_NAMES, JointLimits
 
 MAX_STOPS: Final = 1000
 LOST_DRIVES: Final = "the drives stopped holding the arm"
+STOPPED_THERE: Final = "the robot side is stopped"
+NO_COMMANDS: Final = "the robot side takes no commands any more"
 MOVED_RAD: Final = 2e-3
 """How far an arm may be off a paused motion that goes on with drives that were dropped meanwhile. Ours."""
 
@@ -54,6 +56,9 @@ class Supervisor:
         safety = settings.safety
         if safety.permissive and backend.capabilities.moves_real_drives:
             raise ConfigurationError("permissive monitors only report, and this robot side moves real drives")
+        self._backend = backend
+        self._condition = AT_WORK
+        self._follows_operator_there = backend.capabilities.has_own_operator
         self._motion = motion
         self._pusher = pusher
         self._emit = emit
@@ -102,21 +107,30 @@ class Supervisor:
         return refusal
 
     def read(self, arm: ArmState, *, now_ns: int) -> None:
-        """Look at the drives of a measured state."""
+        """Look at the drives of a measured state, and at what the robot side says of itself."""
         self._arm = arm
+        condition = self._backend.condition()
         state = self.drives.read(arm)
+        if condition is not self._condition:
+            before, self._condition = self._condition, condition
+            self._note_condition(before, condition, now_ns)
         if state is None:
             return
         self._emit(DrivesChanged(now_ns, state))
+        if self._follows_operator_there:
+            self._follow_enabling_there()
+            # Drives that the operator there switches off between motions are no failure.
+            if self._motion.at_rest:
+                return
         if self.drives.lost:
             self.stop(Fault(LOST_DRIVES, f"they are {state.name}"), now_ns, StopCategory.DROP)
 
     def follow_operator(self, arm: ArmState, *, commanding: bool, closing: bool, now_ns: int) -> str:
         """Once a cycle: pause and resume, drop and switch on the drives; return why nothing may move, or nothing."""
-        operator, motion, drives = self._operator, self._motion, self.drives
+        operator, motion, drives, condition = self._operator, self._motion, self.drives, self._condition
         if operator.view is self._ran_under and drives.hold:
             return ""
-        waits = operator.view.reason or drives.waits_because()
+        waits = operator.view.reason or condition.reason or drives.waits_because()
         if waits:
             if not motion.paused:
                 motion.pause(now_ns=now_ns)
@@ -128,10 +142,11 @@ class Supervisor:
         if stands and not self.monitors.t1 and operator.mode is OperationMode.T1:
             self.monitors.t1 = True
         drives.follow(operator.drops_drives, stands=stands)
-        if drives.dropped or not drives.hold:
+        if drives.dropped or not drives.hold or not condition.takes_commands:
             self._dropped_in_pause = True
-            if motion.at_rest and math.isfinite(sum(arm.position_rad)):
-                motion.follow(arm.position_rad)
+            held_rad = condition.held_position_rad or arm.position_rad
+            if motion.at_rest and math.isfinite(sum(held_rad)):
+                motion.follow(held_rad)
         runs = not (waits or motion.paused or drives.dropped)
         t1_counts = self.monitors.t1 or operator.mode is not OperationMode.T1
         self._ran_under = operator.view if runs and t1_counts else None
@@ -139,7 +154,7 @@ class Supervisor:
 
     def check_set_point(self, set_point: SetPoint, *, now_ns: int) -> Trip | None:
         """Return why a set point must not reach the arm, or None; what no drive follows is not checked."""
-        if self.drives.dropped:
+        if self.drives.dropped or not self._condition.takes_commands:
             return None
         return self.monitors.set_point(set_point, self._motion.set_point, now_ns=now_ns)
 
@@ -148,7 +163,7 @@ class Supervisor:
 
         An arm that ``yields`` need not be there.
         """
-        holds = self.drives.hold and not self.drives.dropped
+        holds = self.drives.hold and not self.drives.dropped and self._condition.takes_commands
         trip = self.monitors.measured(arm, None if yields else told, drives_hold=holds, now_ns=now_ns)
         if trip is not None:
             self.stop(trip.fault, now_ns, trip.category)
@@ -192,14 +207,16 @@ class Supervisor:
     def _operate(self, action: ProgramAction, commanding: bool, now_ns: int) -> str:
         operator = self._operator
         if isinstance(action, Press):
-            if action.key is PadKey.RESET and operator.stop is not None and not self._stopped(operator.stop.category):
-                return "the arm still brakes; acknowledge the stop when it stands still"
+            if refusal := self._refused(action.key):
+                return refusal
             pressed_before = operator.view.program is ProgramState.EMERGENCY_STOP
             refusal = operator.press(action.key)
             if action.key is PadKey.EMERGENCY_STOP and not pressed_before:
                 self._stopped_by_operator(Fault(EMERGENCY_STOP), now_ns)
             return refusal
         if isinstance(action, SelectMode):
+            if self._follows_operator_there:
+                return f"the mode selector is at the robot side, in {operator.mode.name}: turn it there"
             fault = operator.select(action.mode, moving=commanding or not self._motion.at_rest)
             if fault is not None:
                 self._stopped_by_operator(fault, now_ns)
@@ -210,6 +227,50 @@ class Supervisor:
         operator.set_override(action.percent)
         self._motion.set_override(action.percent / 100.0)
         return ""
+
+    def _refused(self, key: PadKey) -> str:
+        """Return why a key does nothing now, as far as the arm and the robot side are concerned."""
+        if self._follows_operator_there and key in {PadKey.ENABLE, PadKey.RELEASE}:
+            return "the enabling switch is at the robot side: use it there"
+        stop = self._operator.stop
+        if key is not PadKey.RESET or stop is None:
+            return ""
+        if not self._stopped(stop.category):
+            return "the arm still brakes; acknowledge the stop when it stands still"
+        self._backend.resume()
+        condition = self._backend.condition()
+        if condition.failure:
+            return f"the robot side has not recovered: {condition.failure}"
+        if condition.safety_state is not SafetyState.NORMAL_OPERATION:
+            return f"the robot side is stopped ({condition.safety_state.name}): clear that there first"
+        return ""
+
+    def _note_condition(self, before: RobotSideCondition, now: RobotSideCondition, now_ns: int) -> None:
+        """Follow what the robot side says of itself: its selector, its stops, its failures."""
+        self._ran_under = None
+        mode = now.operation_mode
+        if mode is not None and mode is not self._operator.mode:
+            fault = self._operator.select(mode, moving=not self._motion.at_rest)
+            if fault is not None:
+                self._stopped_by_operator(fault, now_ns)
+            self._turn_selector()
+        stopped_there = now.safety_state is not SafetyState.NORMAL_OPERATION
+        if stopped_there and now.safety_state is not before.safety_state:
+            level_2 = now.safety_state is SafetyState.SAFETY_STOP_LEVEL_2
+            category = StopCategory.BRAKE_AND_HOLD if level_2 else StopCategory.BRAKE_AND_DROP
+            self.stop(Fault(STOPPED_THERE, now.safety_state.name), now_ns, category)
+        if now.failure and now.failure != before.failure:
+            self.stop(Fault(now.failure), now_ns, StopCategory.DROP)
+        elif before.takes_commands and not now.takes_commands and not self._motion.at_rest:
+            self.stop(Fault(NO_COMMANDS, now.reason), now_ns, StopCategory.DROP)
+        if self._follows_operator_there:
+            self._follow_enabling_there()
+
+    def _follow_enabling_there(self) -> None:
+        operator = self._operator
+        enabled = self.drives.hold and self._condition.safety_state is SafetyState.NORMAL_OPERATION
+        if enabled is not operator.enabling:
+            operator.press(PadKey.ENABLE if enabled else PadKey.RELEASE)
 
     def _stopped(self, category: StopCategory) -> bool:
         """Whether what a stop of ``category`` does is done."""
