@@ -123,14 +123,18 @@ class Controller:
         self.ticks = 0
         self.closed = False
 
-    def receive(self, datagram: bytes, source: Source, *, now_ns: int) -> None:
-        """Take one datagram that arrived at ``now_ns``; nothing a peer sends raises."""
+    def receive(self, datagram: bytes, source: Source, *, now_ns: int) -> bool:
+        """Take one datagram that arrived at ``now_ns``; nothing a peer sends raises.
+
+        Return whether a robot side that paces the cycle waits for one now.
+        """
         if source.link == FRI_LINK and self._fri is not None:
             self._fri.receive(datagram, source.address, now_ns=now_ns)
         elif source.link == SERVO_LINK and self._servo is not None:
             self._servo.receive(datagram, source.address, now_ns=now_ns)
         elif source.link == ROBOT_SIDE_LINK and self._peer is not None:
-            self._peer.receive(datagram, source.address, now_ns=now_ns)
+            return self._peer.receive(datagram, source.address, now_ns=now_ns)
+        return False
 
     def operate(self, action: OperatorAction, *, now_ns: int) -> str:
         """Do what the operator did with the pad; return why that changes nothing, or an empty text."""

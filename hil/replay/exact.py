@@ -3,18 +3,20 @@
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Protocol
 from zlib import crc32
 
 from hil.config.station import RobotConfig
-from hil.core.controller import FRI_LINK, Controller
+from hil.core.controller import FRI_LINK, ROBOT_SIDE_LINK, Controller
 from hil.core.servo.link import SERVO_LINK
 from hil.replay.altered import alteration
 from hil.replay.fields import differences
 from hil.replay.result import Moment, ReplayResult, Watcher
-from hil.runtime.assembly import RobotParts, make_controller, open_parts
+from hil.runtime.assembly import RobotParts, make_controller, open_parts, tell_first_message
 from hil.runtime.capture_header import CaptureHeader, RobotStart
 from hil.runtime.pad_requests import read_request
+from hil.values.arm import PeerBackend
 from hil.values.errors import BackendError, MalformedDatagram
 from hil.values.link import Address, Outgoing, Source
 from transport.capture.journal import (
@@ -122,6 +124,9 @@ class ExactReplay:
         """Make a robot's fresh controller."""
         parts = open_parts(config)
         try:
+            if start.robot_side is not None:
+                first = start.robot_side
+                tell_first_message(parts.backend, bytes.fromhex(first.datagram), Address(*first.sender))
             controller = make_controller(
                 config,
                 parts,
@@ -137,6 +142,9 @@ class ExactReplay:
             codec = FriCodec(config.fri.release)
             decoders[FRI_LINK, True] = codec.decode_monitoring
             decoders[FRI_LINK, False] = codec.decode_command
+        if isinstance(parts.backend, PeerBackend):
+            for sent in (True, False):
+                decoders[ROBOT_SIDE_LINK, sent] = partial(parts.backend.decode, sent=sent)
         if isinstance(parts.servo_codec, ServoCodec):
             decoders[SERVO_LINK, True] = parts.servo_codec.decode_from_controller
             decoders[SERVO_LINK, False] = parts.servo_codec.decode_from_client

@@ -10,7 +10,7 @@ from hil.config.station import RobotConfig, ServoConfig
 from hil.core.controller import Controller
 from hil.core.model import ArmModel
 from hil.core.settings import NS_PER_MS, ServoSettings
-from hil.values.arm import Backend
+from hil.values.arm import Backend, PeerBackend
 from hil.values.backend import BackendRequest
 from hil.values.errors import ConfigurationError
 from hil.values.fri import CLIENT_PORT
@@ -116,6 +116,14 @@ def open_parts(config: RobotConfig, *, initial_position_rad: Seven | None = None
     model = ArmModel(load_pinocchio(description.name))
     backend.open(period_ns=config.cycle_ms * NS_PER_MS)
     return RobotParts(description, model, backend, servo_codec)
+
+
+def tell_first_message(backend: Backend, datagram: bytes, sender: Address) -> str:
+    """Give a robot side that is a network peer what came before the first cycle; return why it is not ready then."""
+    if not isinstance(backend, PeerBackend):
+        return ""
+    backend.receive(datagram, sender, now_ns=0)
+    return backend.not_ready()
 
 
 def make_controller(

@@ -20,6 +20,7 @@ _FORMAT: Final = 1
 ARITHMETIC: Final = "arithmetic"
 """Key of the fingerprint in ``machine``."""
 _END_OF_TIME_NS: Final = 1 << 63
+_LONGEST_HEXADECIMAL: Final = 1 << 17
 _HEXADECIMAL: Final = r"^([0-9a-f]{2})*$"
 
 
@@ -35,6 +36,13 @@ class _Model(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True)
 
 
+class FirstMessage(_Model):
+    """The first datagram of a robot side that is a network peer: it says where the arm is when the run begins."""
+
+    sender: _Endpoint
+    datagram: Annotated[str, Field(pattern=_HEXADECIMAL, max_length=_LONGEST_HEXADECIMAL, description="hexadecimal")]
+
+
 class RobotStart(_Model):
     """One robot of the run, in the order of the station."""
 
@@ -45,6 +53,9 @@ class RobotStart(_Model):
     token_secret: Annotated[
         str, Field(pattern=_HEXADECIMAL, description="what session tokens are made with, hexadecimal")
     ] = ""
+    robot_side: Annotated[
+        FirstMessage | None, Field(description="what a robot side that is a network peer sent before the first cycle")
+    ] = None
     cycles_before: Annotated[int, Field(ge=0, description="control cycles that had run when the recording began")] = 0
 
     def address(self, link: str) -> Address | None:

@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Protocol, TypeAlias
 
-from hil.core.controller import FRI_LINK
+from hil.core.controller import FRI_LINK, ROBOT_SIDE_LINK
 from hil.core.servo.link import SERVO_LINK
 from hil.values.link import Address, Outgoing, Source
 from transport.udp import Arrival, EndpointClosed, PeerEndpoint, ServerEndpoint
@@ -79,6 +79,51 @@ class ServoPort:
         destination = outgoing.destination or self.endpoint.local
         await self.endpoint.send(outgoing.payload, destination)
         return destination
+
+    def close(self) -> None:
+        """Release the socket."""
+        self.endpoint.close()
+
+
+class RobotSidePort:
+    """The socket towards a robot side that is a network peer, which is the one who begins."""
+
+    def __init__(self, endpoint: ServerEndpoint) -> None:
+        self.endpoint = endpoint
+
+    @property
+    def local(self) -> Address:
+        """Where the robot side sends to."""
+        return self.endpoint.local
+
+    def listen(self, group: asyncio.TaskGroup, take: Taker, *, robot: str) -> list[asyncio.Task[None]]:
+        """Listen to whoever sends; the robot side's codec knows who is believed."""
+        hand_over = _hand_over(self.endpoint.receive, ROBOT_SIDE_LINK, take)
+        return [group.create_task(hand_over, name=f"{robot} robot side")]
+
+    async def send(self, outgoing: Outgoing) -> Address:
+        """Answer the robot side."""
+        destination = outgoing.destination or self.endpoint.local
+        await self.endpoint.send(outgoing.payload, destination)
+        return destination
+
+    async def wait_until(self, ready: Callable[[Arrival], bool], *, at_most_s: float, stopped: asyncio.Event) -> None:
+        """Hand datagrams to ``ready`` until it says so, the time is over, or ``stopped`` is set."""
+        stop = asyncio.ensure_future(stopped.wait())
+        try:
+            async with asyncio.timeout(at_most_s):
+                while not stop.done():
+                    arrival = asyncio.ensure_future(self.endpoint.receive())
+                    try:
+                        await asyncio.wait({arrival, stop}, return_when=asyncio.FIRST_COMPLETED)
+                        if arrival.done() and ready(arrival.result()):
+                            return
+                    finally:
+                        arrival.cancel()
+        except TimeoutError:
+            return
+        finally:
+            stop.cancel()
 
     def close(self) -> None:
         """Release the socket."""

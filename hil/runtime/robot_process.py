@@ -6,16 +6,25 @@ from collections.abc import Callable
 
 from hil.clock import Clock, elapsed_ns, let_others_run, unix_time_ns
 from hil.config.station import Overrun, RobotConfig
-from hil.core.controller import FRI_LINK, Controller, operator_report
+from hil.core.controller import FRI_LINK, ROBOT_SIDE_LINK, Controller, operator_report
 from hil.core.events import DrivesChanged, Event
 from hil.core.servo.link import SERVO_LINK
 from hil.core.settings import NS_PER_MS
-from hil.runtime.assembly import TOKEN_SECRET_BYTES, LinkAddresses, RobotParts, make_controller, open_parts
-from hil.runtime.capture_header import RobotStart
+from hil.runtime.assembly import (
+    TOKEN_SECRET_BYTES,
+    LinkAddresses,
+    RobotParts,
+    make_controller,
+    open_parts,
+    tell_first_message,
+)
+from hil.runtime.capture_header import FirstMessage, RobotStart
 from hil.runtime.journal import Recorder, RobotJournal
 from hil.runtime.measurements import RunMeasurements
 from hil.runtime.pacer import Pacer, Tick, open_pacer
-from hil.runtime.ports import FriPort, Port, ServoPort
+from hil.runtime.peer_pacer import PeerPacer
+from hil.runtime.ports import FriPort, Port, RobotSidePort, ServoPort
+from hil.values.arm import PeerBackend
 from hil.values.errors import BackendError
 from hil.values.fri import DriveState
 from hil.values.link import Address, Source
@@ -29,6 +38,7 @@ SOCKET_PASSES = 3
 """Passes of the event loop from a datagram in the kernel to the core: read, queued, taken."""
 BELIEVED_WAIT_NS = 1_000_000_000
 """Longest wait in the kernel that is believed."""
+_ROBOT_SIDE_IN_USE = "; another FRI client, or another `hil run` with this backend, may serve there"
 CLOSING_CYCLES = 3000
 """Cycles an arm gets to brake at the end; the rated braking time is a tenth of that."""
 
@@ -45,6 +55,7 @@ class RobotProcess:
         tell: Callable[[str, Event], None],
         on_fault: Callable[[], None],
         number: int = 0,
+        say: Callable[[str], None] = lambda _line: None,
     ) -> None:
         self.config = config
         self.addresses = addresses
@@ -57,6 +68,9 @@ class RobotProcess:
         self._controller: Controller | None = None
         self._parts: RobotParts | None = None
         self._fri_port: FriPort | None = None
+        self._robot_side_pacer: PeerPacer | None = None
+        self._first_message: FirstMessage | None = None
+        self._say = say
         self._ports: dict[str, Port] = {}
         self._stopping = asyncio.Event()
         self._drives = DriveState.ACTIVE
@@ -95,6 +109,7 @@ class RobotProcess:
             fri_peer=None if self.addresses.fri is None else self.addresses.fri.peer,
             bound={link: port.local for link, port in self._ports.items()},
             token_secret=self._token_secret.hex(),
+            robot_side=self._first_message,
             cycles_before=self.controller.ticks,
         )
 
@@ -135,6 +150,8 @@ class RobotProcess:
         if servo is not None:
             self._ports[SERVO_LINK] = ServoPort(await open_server_endpoint(servo))
         self._parts = open_parts(self.config)
+        if isinstance(self._parts.backend, PeerBackend):
+            await self._meet_robot_side(self._parts.backend)
 
     def start(self, *, unix_epoch_ns: int, epoch_ns: int) -> None:
         """Make the controller; its core time 0 is ``epoch_ns`` of the clock, ``unix_epoch_ns`` in Unix time."""
@@ -156,7 +173,7 @@ class RobotProcess:
 
     async def run(self) -> None:
         """Serve until stopped. A robot side that fails ends the session at once, and is told in ``faulted``."""
-        pacer = open_pacer(clock=self._clock, first_due_ns=self._epoch_ns, period_ns=self._period_ns)
+        pacer = self._open_pacer()
         try:
             async with asyncio.TaskGroup() as group:
                 listeners = self._listen(group)
@@ -205,7 +222,39 @@ class RobotProcess:
             "refused_by_peer_machine": port.endpoint.refused,
         }
 
-    async def _cycles(self, pacer: Pacer) -> None:
+    async def _meet_robot_side(self, backend: PeerBackend) -> None:
+        """Wait, for as long as the robot side is given, for the message that says where the arm is."""
+        link = backend.link
+        port = RobotSidePort(await open_server_endpoint(link.bind, in_use=_ROBOT_SIDE_IN_USE))
+        self._ports[ROBOT_SIDE_LINK] = port
+        self._say(
+            f"{self.config.name}: waiting for the robot side's first message at UDP {port.local}, "
+            f"{link.first_message_s:g} s at most"
+        )
+
+        def ready(arrival: Arrival) -> bool:
+            if tell_first_message(backend, arrival.datagram, arrival.sender):
+                return False
+            self._first_message = FirstMessage(sender=arrival.sender, datagram=arrival.datagram.hex())
+            return True
+
+        await port.wait_until(ready, at_most_s=link.first_message_s, stopped=self._stopping)
+        if self._first_message is None:
+            raise BackendError(f"{self.config.name}: {backend.not_ready()}")
+
+    def _open_pacer(self) -> Pacer | PeerPacer:
+        backend = None if self._parts is None else self._parts.backend
+        if not isinstance(backend, PeerBackend):
+            return open_pacer(clock=self._clock, first_due_ns=self._epoch_ns, period_ns=self._period_ns)
+        self._robot_side_pacer = PeerPacer(
+            clock=self._clock,
+            first_due_ns=self._epoch_ns,
+            period_ns=self._period_ns,
+            silence_ns=backend.link.silence_ns,
+        )
+        return self._robot_side_pacer
+
+    async def _cycles(self, pacer: Pacer | PeerPacer) -> None:
         closing_cycles = 0
         while not self.controller.closed and closing_cycles < CLOSING_CYCLES:
             tick = await pacer.next_tick()
@@ -237,6 +286,9 @@ class RobotProcess:
 
     async def _overrun(self, tick: Tick) -> None:
         self.measurements.missed(tick.missed)
+        if self._robot_side_pacer is not None and self.config.overrun is not Overrun.FAULT:
+            # What the robot side was not told in time it is not told at all: its own time has gone on.
+            return
         match self.config.overrun:
             case Overrun.SKIP:
                 return
@@ -273,6 +325,7 @@ class RobotProcess:
         if not 0 <= waited_ns <= BELIEVED_WAIT_NS:
             waited_ns = 0
         now_ns = self._clock.now_ns() - self._epoch_ns - waited_ns
-        self.controller.receive(arrival.datagram, source, now_ns=now_ns)
+        if self.controller.receive(arrival.datagram, source, now_ns=now_ns) and self._robot_side_pacer is not None:
+            self._robot_side_pacer.message(at_ns=now_ns + self._epoch_ns)
         self._journal.received(arrival.datagram, source.address, self._ports[source.link].local, at_ns=now_ns)
         self.measurements.between_ticks(elapsed_ns() - before_ns)

@@ -112,6 +112,7 @@ class _Run:
             clock=self._clock,
             tell=self._tell,
             on_fault=self._stop,
+            say=self._console.say,
         )
 
     def _open_captures(self) -> "Captures | None":

@@ -176,6 +176,8 @@ class PeerLink(NamedTuple):
     """Who is believed; None: the first one that sends something that can be read."""
     first_message_s: float
     """How long to wait for the first message."""
+    silence_ns: int = 10_000_000
+    """Without a message for so long, cycles go by the clock, so that somebody notices."""
 
 
 @runtime_checkable
@@ -203,6 +205,12 @@ class PeerBackend(Backend, Protocol):
         """Return why there is no measured state yet, empty once there is one; :meth:`read` works from then on.
 
         Raises :class:`BackendError` where what came shows that there will never be one.
+        """
+
+    def decode(self, datagram: bytes, *, sent: bool) -> object:
+        """Return the message in a datagram that was ``sent`` from here, or came; raise MalformedDatagram.
+
+        For those who look at recordings; it leaves everything as it is.
         """
 
     def report(self) -> dict[str, object]:
