@@ -25,6 +25,12 @@ class CabinetOptions(BaseModel):
     silence_ms: Annotated[int | None, Field(strict=True, ge=2, le=1000)] = None
     shadow: Annotated[bool, Field(strict=True)] = False
 
+    @field_validator("release", mode="before")
+    @classmethod
+    def _number_or_text(cls, value: object) -> object:
+        # In TOML, and on the command line, a release looks like a number.
+        return str(value) if isinstance(value, float) else value
+
     @field_validator("overlay")
     @classmethod
     def _spoken(cls, overlay: OverlayKind) -> OverlayKind:

@@ -1,5 +1,6 @@
 """``hil run``: be the controller, until Ctrl-C or the duration ends it."""
 
+import tomllib
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -21,7 +22,16 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
         Path | None, typer.Argument(help="Station file (TOML); options override it. See: hil config init")
     ] = None,
     robot: Annotated[str | None, typer.Option(help="Robot model, such as lbr-iiwa-14-r820 (the default).")] = None,
-    backend: Annotated[str | None, typer.Option(help="Robot side: mujoco (the default) or ideal.")] = None,
+    backend: Annotated[
+        str | None, typer.Option(help="Robot side: mujoco (the default), ideal, cabinet, can402 ...: hil backends.")
+    ] = None,
+    option: Annotated[
+        list[str] | None,
+        typer.Option("--option", "-o", metavar="NAME=VALUE", help="Option of the backend, as often as needed."),
+    ] = None,
+    cycle_ms: Annotated[
+        int | None, typer.Option("--cycle", metavar="MS", help="Control cycle: 1 (the default), 2, 4 or 5 ms.")
+    ] = None,
     mode: Annotated[Mode | None, typer.Option(help="Operation mode; AUT is the default.")] = None,
     enabled: Annotated[
         bool, typer.Option("--enabled", help="Begin T1 or T2 with the enabling switch held and start pressed.")
@@ -89,6 +99,8 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
         "mode": mode,
         "enabled": enabled or None,
         "permissive": permissive or None,
+        "cycle_ms": cycle_ms,
+        "options": backend_options(option or []) or None,
     }
     fri = {
         "client": fri_client,
@@ -155,12 +167,29 @@ def station_of(
         content = load_station(path).model_dump(exclude_unset=True)
     robots = content["robot"]
     for one in robots:
+        options = {**one.get("options", {}), **robot.get("options", {})}
         one.update(robot)
+        if options:
+            one["options"] = options
     _lay_fri_options(robots, fri, path)
     _lay_servo_options(robots, servo, path)
     content.update(process)
     _lay_probe_options(content, tcp_probe or {})
     return parse_station(content, where="command line" if path is None else f"{path} with the options given")
+
+
+def backend_options(texts: list[str]) -> dict[str, Any]:
+    """Return ``NAME=VALUE`` texts as a table; a value is TOML where it is that, else the text itself."""
+    options: dict[str, Any] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or not name:
+            raise ConfigurationError(f"--option {text!r}: NAME=VALUE is needed, such as release=2.5")
+        try:
+            options[name] = tomllib.loads(f"value = {value}")["value"]
+        except tomllib.TOMLDecodeError:
+            options[name] = value
+    return options
 
 
 def _lay_fri_options(robots: list[dict[str, Any]], fri: dict[str, Any], path: Path | None) -> None:
