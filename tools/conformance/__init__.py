@@ -1,0 +1,1 @@
+"""Robot sides on the bench: what lives behind each backend, and how two of them differ."""
