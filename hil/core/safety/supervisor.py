@@ -145,7 +145,9 @@ class Supervisor:
         if drives.dropped or not drives.hold or not condition.takes_commands:
             self._dropped_in_pause = True
             held_rad = condition.held_position_rad or arm.position_rad
-            if motion.at_rest and math.isfinite(sum(held_rad)):
+            # What waits for a robot side that takes no commands begins where the arm is held by then.
+            rests = motion.at_rest if condition.takes_commands else motion.phase is Phase.HOLDING
+            if rests and math.isfinite(sum(held_rad)):
                 motion.follow(held_rad)
         runs = not (waits or motion.paused or drives.dropped)
         t1_counts = self.monitors.t1 or operator.mode is not OperationMode.T1
