@@ -1,14 +1,14 @@
 """Controllers in a row, in virtual time and one thread: each is the Cabinet of the next one, down to one arm.
 
 The first one (``cabinet``) has an arm of its own and ticks by the clock; each further one has a
-:class:`CabinetBackend` for its robot side and ticks when a message comes, or, as the live shell does, once a period when
-none has come for longer than it bears. The last one (``outer``) is what applications see.
+:class:`CabinetBackend` for its robot side and ticks when a message comes, or, as the live shell does, once a period
+when none has come for longer than it bears. The last one (``outer``) is what applications see.
 """
 
 import heapq
 from collections import defaultdict
 from collections.abc import Callable
-from itertools import count
+from itertools import count, pairwise
 from typing import TYPE_CHECKING, Any, cast
 
 from backends.base import InProcessBackend
@@ -28,7 +28,7 @@ from hil.values.operator import PadKey, Press, SelectMode
 from hil.values.robot import RobotDescription
 from hil.values.servo import FromClient, FromController
 from tests.support.servo_virtual import SECRET, Application, ServoBench
-from tests.support.virtual import MS, UNIX_EPOCH_NS, Client, RecordingBackend
+from tests.support.virtual import UNIX_EPOCH_NS, Client, RecordingBackend
 from transport.fri import FriCodec
 from transport.servo import ServoCodec
 
@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 
 ROBOT = "lbr-iiwa-14-r820"
 LATENCY_NS = 100_000
+QUALITY_RISE_MS = 20
+OVERLAY_RESTART_MS = 100
+"""Shorter than the defaults: what is tested here is not how long these take."""
 CLIENT = Address("127.0.0.1", 30219)
 """The FRI client of the last controller, if it has one."""
 
@@ -115,6 +118,8 @@ class Chain:
                 receive_multiplier=1 if last else receive_multiplier,
                 overlay=overlay,
                 control=control,
+                quality_rise_ms=QUALITY_RISE_MS,
+                overlay_restart_ms=OVERLAY_RESTART_MS,
             )
             settings = ControllerSettings(
                 operation_mode=mode,
@@ -140,7 +145,7 @@ class Chain:
         self.sent: dict[Address, list[FromController]] = defaultdict(list)
         self.carries: Callable[[int, bytes], bytes | None] = lambda _link, payload: payload
         """Told the number of the Cabinet on a link and a datagram to or from it; returns what arrives, if anything."""
-        self._due: list[tuple[int, int, int, str, bytes, Address]] = []
+        self._due: list[tuple[int, int, int, Source, bytes]] = []
         self._order = count()
 
     @property
@@ -230,19 +235,19 @@ class Chain:
         """Largest step of any axis between two set points the arm was given."""
         assert isinstance(self.arm, RecordingBackend)
         commands = [command.position_rad for command in self.arm.commands[since:]]
-        pairs = zip(commands, commands[1:], strict=False)
+        pairs = pairwise(commands)
         return max(abs(b - a) for first, second in pairs for a, b in zip(first, second, strict=True))
 
     def _deliver_until(self, now_ns: int) -> None:
         while self._due and self._due[0][0] <= now_ns:
-            at_ns, _, number, link, payload, sender = heapq.heappop(self._due)
+            at_ns, _, number, source, payload = heapq.heappop(self._due)
             node = self.nodes[number]
             if node.made is None:
                 side = node.cabinet_link
-                if side.receive(payload, sender, now_ns=at_ns) and not side.not_ready():
+                if side.receive(payload, source.address, now_ns=at_ns) and not side.not_ready():
                     node.make(self.description)
                     node.ticked_ns = at_ns
-            elif node.made.receive(payload, Source(link, sender), now_ns=at_ns):
+            elif node.made.receive(payload, source, now_ns=at_ns):
                 self._tick(node, at_ns)
 
     def _tick(self, node: Node, at_ns: int, *, silent: bool = False) -> None:
@@ -263,22 +268,23 @@ class Chain:
             here = self.nodes[node.number - 1]
             assert destination == here.serves_from
             assert here.settings.fri is not None
-            self._carry(here.number, here, FRI_LINK, payload, here.settings.fri.peer, at_ns)
+            self._carry(here.number, here, Source(FRI_LINK, here.settings.fri.peer), payload, at_ns)
         elif node is self.outer:
             assert self.client is not None
             answer = self.client.answer(payload)
             if answer is not None:
-                self._push(at_ns + LATENCY_NS, node, FRI_LINK, answer, CLIENT)
+                self._push(at_ns + LATENCY_NS, node, Source(FRI_LINK, CLIENT), answer)
         else:
-            self._carry(node.number, self.nodes[node.number + 1], ROBOT_SIDE_LINK, payload, node.serves_from, at_ns)
+            source = Source(ROBOT_SIDE_LINK, node.serves_from)
+            self._carry(node.number, self.nodes[node.number + 1], source, payload, at_ns)
 
-    def _carry(self, number: int, to: Node, link: str, payload: bytes, sender: Address, at_ns: int) -> None:
+    def _carry(self, number: int, to: Node, source: Source, payload: bytes, at_ns: int) -> None:
         arrives = self.carries(number, payload)
         if arrives is not None:
-            self._push(at_ns + LATENCY_NS, to, link, arrives, sender)
+            self._push(at_ns + LATENCY_NS, to, source, arrives)
 
-    def _push(self, at_ns: int, node: Node, link: str, payload: bytes, sender: Address) -> None:
-        heapq.heappush(self._due, (at_ns, next(self._order), node.number, link, payload, sender))
+    def _push(self, at_ns: int, node: Node, source: Source, payload: bytes) -> None:
+        heapq.heappush(self._due, (at_ns, next(self._order), node.number, source, payload))
 
 
 def cut(chain: Chain, *, link: int = 0) -> None:
@@ -289,6 +295,3 @@ def cut(chain: Chain, *, link: int = 0) -> None:
 def mend(chain: Chain) -> None:
     """All datagrams get through again."""
     chain.carries = lambda _link, payload: payload
-
-
-SILENT_NS = 10 * MS

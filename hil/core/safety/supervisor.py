@@ -62,7 +62,12 @@ class Supervisor:
         self._motion = motion
         self._pusher = pusher
         self._emit = emit
-        self._operator = Operator(mode=settings.operation_mode, enabled=settings.enabled, permissive=safety.permissive)
+        self._operator = Operator(
+            mode=settings.operation_mode,
+            enabled=settings.enabled,
+            permissive=safety.permissive,
+            enabling_there=self._follows_operator_there,
+        )
         self._would_stop = WouldStopLog(emit)
         self.monitors = Monitors(
             limits=limits,
@@ -239,13 +244,12 @@ class Supervisor:
             return ""
         if not self._stopped(stop.category):
             return "the arm still brakes; acknowledge the stop when it stands still"
+        state = self._backend.condition().safety_state
+        if state is not SafetyState.NORMAL_OPERATION:
+            return f"the robot side is stopped ({state.name}): clear that there first"
         self._backend.resume()
-        condition = self._backend.condition()
-        if condition.failure:
-            return f"the robot side has not recovered: {condition.failure}"
-        if condition.safety_state is not SafetyState.NORMAL_OPERATION:
-            return f"the robot side is stopped ({condition.safety_state.name}): clear that there first"
-        return ""
+        failure = self._backend.condition().failure
+        return f"the robot side has not recovered: {failure}" if failure else ""
 
     def _note_condition(self, before: RobotSideCondition, now: RobotSideCondition, now_ns: int) -> None:
         """Follow what the robot side says of itself: its selector, its stops, its failures."""
