@@ -254,6 +254,45 @@ def replay(  # noqa: PLR0917  # typer makes the options of the parameters
     _print_bounds(console, report.bounds())
 
 
+@app.command()
+def chain(  # noqa: PLR0917  # typer makes the options of the parameters
+    robot: Robot = "lbr-iiwa-14-r820",
+    backend: Backend = "mujoco",
+    fri_version: FriVersion = Release.V1_15,
+    send_period: Annotated[int, typer.Option(metavar="MS", help="1, 2, 4 or 5.")] = 1,
+    seconds: Annotated[float, typer.Option(min=3.0, help="Length of each of the two runs.")] = 15.0,
+    as_json: AsJson = False,
+) -> None:
+    """What the link to a Cabinet costs: its message to our answer, beside that of a plain FRI client, over UDP."""
+    from dataclasses import asdict
+
+    from tools.bench.chain import bench_chain
+    from tools.bench.machine import machine
+
+    with _progress("seconds", 2 * seconds) as (bar, task):
+        report = bench_chain(
+            robot=robot,
+            backend=backend,
+            release=fri_version,
+            send_period_ms=send_period,
+            seconds=seconds,
+            progress=lambda done: bar.update(task, completed=done),
+        )
+    bounds = report.bounds()
+    if as_json:
+        found = {"machine": machine(), **asdict(report), "bounds": [bound._asdict() for bound in bounds]}
+        typer.echo(json.dumps(found, indent=2))
+        return
+    console = Console()
+    _print_machine(console, machine())
+    table = Table("", "p50 us", "p99 us", "p99.9 us", "max us", title=f"answer latency at {send_period} ms")
+    table.add_row("plain FRI client", *_numbers(report.plain["answer_latency_us"]))
+    table.add_row("controller on the backend cabinet", *_numbers(report.cabinet["answer_latency_us"]))
+    table.add_row("a cycle of that controller", *_numbers(report.controller["cycle_us"]))
+    console.print(table)
+    _print_bounds(console, bounds)
+
+
 def _motion(name: str) -> "BenchMotion":
     from tools.bench.clients import BenchMotion
 

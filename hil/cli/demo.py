@@ -1,6 +1,7 @@
-"""``hil demo``: controller with its arm, and an FRI client, as two processes that talk UDP; ends with a picture."""
+"""``hil demo``: robot side, controller and application, three processes that talk UDP; ends with a picture."""
 
 import json
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -16,6 +17,8 @@ from hil.values.errors import ConfigurationError, EndpointError
 from hil.values.fri import Release
 
 _POLL_S = 0.1
+_LONGER_S = 10.0
+"""What robot side and application have beside the controller's time, at most."""
 
 
 def demo(
@@ -27,7 +30,10 @@ def demo(
     backend: Annotated[str, typer.Option(help="Robot side.")] = "mujoco",
     fri_version: Annotated[Release, typer.Option(help="FRI release of the client.")] = Release.V1_15,
 ) -> None:
-    """Let a sample FRI client move axis 4 of a simulated arm by a sine, over UDP at 1 kHz, and show what happened."""
+    """Let a sample FRI client move axis 4 of a simulated arm by a sine, over UDP at 1 kHz, and show what happened.
+
+    The arm is a network peer behind FRI, as a Cabinet is; between it and the application stands the controller.
+    """
     from backends.registry import check_backend
     from backends.robots import load_description
     from transport.udp import free_port
@@ -40,25 +46,39 @@ def demo(
         raise ConfigurationError(f"cannot make the folder {out}: {error.strerror}") from error
     status, capture, picture = out / "status.json", out / "run.pcapng", out / "run.png"
     console = Console()
-    port = free_port("127.0.0.1")
-    client_arguments = [
-        *("-m", "apps.fri_joint_sine", "--fri-version", fri_version.value, "--bind", "127.0.0.1"),
-        *("--port", port, "--seconds", seconds + 10, "--json", out / "client.json"),
-    ]
-    controller_arguments = [
-        *("-m", "hil.cli.main", "run", "--robot", robot, "--backend", backend, "--fri-version", fri_version.value),
-        *("--fri-client", f"127.0.0.1:{port}", "--servo", "off", "--duration", seconds, "--progress", 0),
-        *("--status-json", status, "--capture", capture),
-    ]
-    console.print(f"client:     python {' '.join(map(str, client_arguments))}", style="dim", soft_wrap=True)
-    console.print(f"controller: python {' '.join(map(str, controller_arguments))}", style="dim", soft_wrap=True)
+    robot_port, client_port = free_port("127.0.0.1"), free_port("127.0.0.1")
+    release = fri_version.value
+    quiet = ("--servo", "off", "--pad", "off", "--progress", 0)
+    commands = {
+        "robot side": [
+            *("-m", "hil.cli.main", "run", "--robot", robot, "--backend", backend, "--fri-version", release),
+            *("--fri-client", f"127.0.0.1:{robot_port}", *quiet, "--duration", seconds + _LONGER_S),
+            *("--status-json", out / "robot-side.json"),
+        ],
+        "controller": [
+            *("-m", "hil.cli.main", "run", "--robot", robot, "--backend", "cabinet", "-o", f"release={release}"),
+            *("-o", f"bind=127.0.0.1:{robot_port}", "--fri-version", release, "--fri-client"),
+            *(f"127.0.0.1:{client_port}", *quiet, "--duration", seconds, "--status-json", status),
+            *("--capture", capture),
+        ],
+        "application": [
+            *("-m", "apps.fri_joint_sine", "--fri-version", release, "--bind", "127.0.0.1"),
+            *("--port", client_port, "--seconds", seconds + _LONGER_S, "--json", out / "client.json"),
+        ],
+    }
+    for name, arguments in commands.items():
+        console.print(f"{name + ':':12}python {' '.join(map(str, arguments))}", style="dim", soft_wrap=True)
+    logs = {name: out / f"{name.replace(' ', '-')}.log" for name in commands}
     with (
-        _process(client_arguments, out / "client.log") as client,
-        _process(controller_arguments, out / "controller.log") as controller,
+        _process(commands["robot side"], logs["robot side"]) as robot_side,
+        _process(commands["application"], logs["application"]) as application,
+        _process(commands["controller"], logs["controller"]) as controller,
     ):
-        _show_progress(controller, out / "controller.log", seconds)
-        _expect_end(controller, "controller", out / "controller.log")
-        _expect_end(client, "client", out / "client.log")
+        _show_progress(controller, logs["controller"], seconds)
+        _expect_end(controller, "controller", logs["controller"])
+        _expect_end(application, "application", logs["application"])
+        robot_side.send_signal(signal.SIGINT)
+        _expect_end(robot_side, "robot side", logs["robot side"])
 
     from hil.cli.summary import print_summary
     from tools.plot_run import plot_run
@@ -69,11 +89,10 @@ def demo(
     print_summary(figures)
     for file, what in (
         (picture, "commanded and measured motion, session states, answer latency"),
-        (status, "all figures of the run"),
-        (capture, "every packet; open it with Wireshark"),
-        (out / "controller.log", "what the controller said"),
-        (out / "client.json", "what the client saw"),
-        (out / "client.log", "what the client said"),
+        (status, "all figures of the controller; robot-side.json: those of the robot side"),
+        (capture, "every packet of the controller, on both sides; open it with Wireshark"),
+        (out / "client.json", "what the application saw"),
+        (logs["controller"], "what the controller said; robot-side.log and application.log: the other two"),
     ):
         console.print(f"  {file}  [dim]{what}[/dim]", highlight=False)
 

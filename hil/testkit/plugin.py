@@ -41,7 +41,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Make the markers known, and read the option."""
+    """Make the markers known, and read the option; the suite of all backends shows values where it fails."""
+    pytest.register_assert_rewrite("backends.contract")
     for marker in (_HIL, _EACH_PACKET):
         config.addinivalue_line("markers", marker)
     config.pluginmanager.register(_Reports(config), "hil-each-packet")

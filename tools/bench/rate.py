@@ -62,20 +62,20 @@ def bench_rate(
         status, result = Path(folder, "status.json"), Path(folder, "client.json")
         first_s = start_to_first_packet(robot=robot, backend=backend, release=release)
         port = free_port(_HOST)
-        client = _start(
+        client = start_process(
             "apps.fri_joint_sine",
             *("--fri-version", release, "--bind", _HOST, "--port", port, "--seconds", seconds + 10, "--json", result),
         )
         extra: list[object] = ["--capture", Path(folder, "run.pcapng")] if capture else []
-        controller = _start(
+        controller = start_process(
             "hil.cli.main",
             *("run", "--robot", robot, "--backend", backend, "--fri-client", f"{_HOST}:{port}", "--servo", "off"),
             *("--fri-version", release, "--duration", seconds, "--status-json", status, "--progress", 0),
             *extra,
             *(["--realtime"] if realtime else []),
         )
-        _wait(controller, seconds + 20, progress)
-        _wait(client, 20, lambda _: None)
+        wait_for_end(controller, seconds + 20, progress)
+        wait_for_end(client, 20, lambda _: None)
         return RateReport(
             robot=json.loads(status.read_text())["robots"]["arm"],
             client=json.loads(result.read_text()),
@@ -89,7 +89,7 @@ def start_to_first_packet(*, robot: str, backend: str, release: Release) -> floa
         listener.bind((_HOST, 0))
         listener.settimeout(20)
         before_ns = elapsed_ns()
-        controller = _start(
+        controller = start_process(
             "hil.cli.main",
             *("run", "--robot", robot, "--backend", backend, "--fri-version", release),
             *("--fri-client", f"{_HOST}:{listener.getsockname()[1]}", "--servo", f"{_HOST}:0"),
@@ -105,13 +105,15 @@ def start_to_first_packet(*, robot: str, backend: str, release: Release) -> floa
         return (elapsed_ns() - before_ns) / 1e9
 
 
-def _start(module: str, *arguments: object) -> "subprocess.Popen[bytes]":
+def start_process(module: str, *arguments: object) -> "subprocess.Popen[bytes]":
+    """Start a module of ours, silent."""
     return subprocess.Popen(
         [sys.executable, "-m", module, *map(str, arguments)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
 
 
-def _wait(process: "subprocess.Popen[bytes]", at_most_s: float, progress: Callable[[float], None]) -> None:
+def wait_for_end(process: "subprocess.Popen[bytes]", at_most_s: float, progress: Callable[[float], None]) -> None:
+    """Wait for a process, and tell ``progress`` how long that took so far; raise :class:`EndpointError`."""
     waited_s = 0.0
     while waited_s < at_most_s:
         try:
