@@ -7,6 +7,7 @@ from typing import cast
 import pytest
 
 from backends.mujoco import MujocoBackend
+from hil.values.arm import Push
 from hil.values.control import (
     CartesianImpedanceControlMode,
     ControlModeSettings,
@@ -113,9 +114,13 @@ def test_a_smart_servo_follows_its_destinations_on_the_simulated_arm() -> None:
 def test_a_motion_that_waits_for_the_cabinet_begins_without_a_jump_when_it_commands() -> None:
     chain = Chain(backend=QUIET)
     chain.run_until(lambda: chain.outer.made is not None)
-    application = chain.application()
-    assert not chain.outer.backend.condition().takes_commands
     target = tuple(value + 0.02 for value in arm_rad(chain))
+    application = chain.application()
+    push = Push(7, (0.0, 300.0, 0.0), (0.0, 0.0, 0.0), 0.03)
+    assert not chain.cabinet.controller.operate(push, now_ns=chain.now_ns)
+    application.run(0.01)
+    assert not chain.outer.backend.condition().takes_commands
+    assert abs(arm_rad(chain)[0] - target[0] + 0.02) > 3e-4, "the arm is not where the Cabinet holds it"
     application.start(MotionKind.PTP, target)
     application.run_until(lambda: bool(application.ends))
     assert application.ends[0].end is MotionEnd.FINISHED
