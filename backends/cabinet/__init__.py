@@ -32,7 +32,7 @@ PLUGIN = BackendPlugin(
     check_options=_check,
     options_help={
         "release": "release of FRI that the Cabinet speaks: 1.11, 1.14, 1.15 (the default), 1.16, 2.5, 2.7",
-        "bind": "ADDR[:PORT] the Cabinet sends to; 0.0.0.0:30200",
+        "bind": "ADDR[:PORT] the Cabinet sends to; 0.0.0.0:30200, and a real one sends to 30200 ... 30209 only",
         "cabinet": "HOST[:PORT] of the Cabinet, which alone is believed; default: the first one that can be read",
         "overlay": "what its motion takes: joint-position (the default), torque or wrench",
         "connect_s": "how long to wait for its first message; 10",

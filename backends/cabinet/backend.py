@@ -1,9 +1,9 @@
 """A real Cabinet as the robot side: an FRI client without a socket and without a clock.
 
 Its messages pace the cycle, and each cycle's set point is the answer to the newest of them. COMMANDING begins only once
-the set point of this controller lies on the Cabinet's interpolator. A Cabinet that was lost, silent for longer than
-``silence_ms``, is not commanded again until somebody acknowledged that: until then the answers hold a header alone, and
-the Cabinet's own supervision stops the arm. Source: fri-wire page.
+the set point of this controller lies on the Cabinet's interpolator. A Cabinet that was lost (silent for longer than
+``silence_ms``, a session closed, commanding left under a moving arm) is not commanded again until somebody acknowledged
+that: until then the answers hold a header alone, and the Cabinet's own supervision stops the arm. Source: fri-wire.
 """
 
 import math
@@ -13,7 +13,7 @@ from typing import Final
 from backends.cabinet.capabilities import capabilities
 from backends.cabinet.options import CabinetOptions
 from backends.cabinet.reading import Said, read_message
-from backends.cabinet.words import SHADOW, before_commanding, other_command_mode, waits_for_mirror
+from backends.cabinet.words import SHADOW, before_commanding, other_command_mode, waits_for_mirror, why_left
 from hil.values.arm import ArmState, Capabilities, JointCommand, PeerLink, Push, RobotSideCondition
 from hil.values.control import NO_WRENCH
 from hil.values.errors import BackendError, ConfigurationError, MalformedDatagram
@@ -32,7 +32,12 @@ _STEPS_BACK: Final = 1000
 """A message that is further back than that is no late one: the Cabinet counts anew."""
 _FOREIGN_ENOUGH: Final = 10
 """So many unreadable messages, and none that can be read, are a wrong configuration."""
+_COUNTED: Final = (
+    "messages", "lost", "duplicate", "old", "strangers", "malformed", "other_period", "restarts", "mirrored"
+)  # fmt: skip
 _STILL: Seven = (0.0,) * JOINT_COUNT  # type: ignore[assignment]
+_CYCLES_MS: Final = (1, 2, 4, 5)
+"""Control cycles that a station may have."""
 _ACTIVE: Final = SessionState.COMMANDING_ACTIVE
 _WAIT: Final = SessionState.COMMANDING_WAIT
 
@@ -64,7 +69,11 @@ class CabinetBackend:
         self._heard_ns = 0
         self._set_point: JointCommand | None = None
         self._mirrored = False
-        """Whether the set point was on the interpolator in this commanding session."""
+        """Whether the newest set point lies on the interpolator of a session in COMMANDING."""
+        self._taking = False
+        """Whether set points reach the arm: the Cabinet commands, and began to where the set point was."""
+        self._other_period = ""
+        """What is to be said of messages with a send period that is not the cycle."""
         self._silent = False
         self._failure = ""
         self._condition = RobotSideCondition(takes_commands=False, reason="the Cabinet has sent nothing yet")
@@ -73,7 +82,7 @@ class CabinetBackend:
         self._answers = 0
         self._outgoing: list[tuple[bytes, Address]] = []
         self._malformed: MalformedDatagram | None = None
-        self._counts = dict.fromkeys(("messages", "lost", "duplicate", "old", "strangers", "malformed", "restarts"), 0)
+        self._counts = dict.fromkeys(_COUNTED, 0)
         self._transitions: deque[tuple[int, str]] = deque(maxlen=_MOST_TRANSITIONS)
 
     @property
@@ -117,6 +126,10 @@ class CabinetBackend:
             self._counts["malformed"] += 1
             self._malformed = error
             return False
+        if said.send_period_ms * _NS_PER_MS != self._cycle_ns:
+            self._counts["other_period"] += 1
+            self._other_period = self._words_of_period(said, sender)
+            return False
         periods = self._periods_since_last(said.counter)
         if periods == 0:
             return False
@@ -132,9 +145,10 @@ class CabinetBackend:
         if self._said is None or self._silent or silent_ns <= self._link.silence_ns:
             return
         self._silent = True
-        self._failure = (
+        other = f"; {self._other_period}" if self._other_period else ""
+        self._fail(
             f"the Cabinet at {self._peer} is lost: no message for {silent_ns / 1e6:.1f} ms, "
-            f"{self._link.silence_ns / 1e6:g} ms are allowed; it was in {self._said.state.name}"
+            f"{self._link.silence_ns / 1e6:g} ms are allowed; it was in {self._said.state.name}{other}"
         )
         self._transitions.append((now_ns, "silent"))
         self._settle()
@@ -151,13 +165,15 @@ class CabinetBackend:
         self._require_open("write")
         if command.torque_nm is not None:
             raise BackendError("CabinetBackend takes no torque commands: the control laws are the Cabinet's own")
+        if command.overlay is not None and not self._capabilities.passes_overlays:
+            raise BackendError(f"CabinetBackend passes no torques and no wrenches: overlay = {self._options.overlay}")
         if not math.isfinite(sum(command.position_rad)):
             raise BackendError("CabinetBackend was given a set point that is not finite")
         self._set_point = command
         said = self._said
-        if said is not None and said.state >= _WAIT and not self._mirrored:
-            self._mirrored = self._lies_on_interpolator(said)
-            if said.state is _ACTIVE or not self._mirrored:
+        if said is not None and said.state >= _WAIT and not self._taking:
+            before, self._mirrored = self._mirrored, self._lies_on_interpolator(said)
+            if not (before and self._mirrored):
                 self._settle()
 
     def step(self) -> None:
@@ -191,7 +207,7 @@ class CabinetBackend:
 
     def resume(self) -> None:
         """Let the Cabinet be commanded again after it was lost, if it is there."""
-        if self._failure and not self._silent:
+        if self._failure and not self._silent and self._said is not None and self._said.state > SessionState.IDLE:
             self._failure = ""
             self._mirrored = False
             self._settle()
@@ -199,13 +215,9 @@ class CabinetBackend:
     def not_ready(self) -> str:
         """Return why there is no measured state; raise :class:`BackendError` where there will never be one."""
         if self._said is not None:
-            sent_ms, ours_ms = self._said.send_period_ms, self._cycle_ns // _NS_PER_MS
-            if sent_ms != ours_ms:
-                raise BackendError(
-                    f"the Cabinet at {self._peer} sends every {sent_ms} ms and this station's cycle is {ours_ms} ms: "
-                    f"set both to the same, 1, 2, 4 or 5 ms (cycle_ms here, the send period there)"
-                )
             return ""
+        if self._other_period:
+            raise BackendError(self._other_period)
         where = f"UDP {self._link.bind}"
         if self._malformed is None:
             strangers = self._counts["strangers"]
@@ -264,7 +276,9 @@ class CabinetBackend:
             return ahead
         if self._silent or SEQUENCE_MODULUS - ahead > _STEPS_BACK:
             self._counts["restarts"] += 1
-            self._mirrored = False
+            self._arm = None
+            if self._taking:
+                self._fail(f"the Cabinet at {self._peer} counts its messages anew while it was commanded")
             return 1
         self._counts["old"] += 1
         return 0
@@ -291,8 +305,12 @@ class CabinetBackend:
         )
         if before is None or said.state is not before.state:
             self._transitions.append((now_ns, said.state.name))
-            if said.state < _WAIT:
-                self._mirrored = False
+            if said.state is not _ACTIVE:
+                self._left_active(before, said)
+        if said.state is _ACTIVE:
+            self._taking = not self._watches(said) and (
+                self._taking or (self._mirrored and self._lies_on_interpolator(said))
+            )
         self._until_answer -= 1
         if self._until_answer <= 0:
             self._until_answer = said.receive_multiplier
@@ -300,16 +318,35 @@ class CabinetBackend:
             self._answer_due = said.state is not SessionState.IDLE
         self._settle()
 
+    def _left_active(self, before: Said | None, said: Said) -> None:
+        set_point = self._set_point
+        moved = self._taking and set_point is not None and (any(set_point.velocity_rad_s) or _adds(set_point))
+        self._taking = self._mirrored = False
+        if said.state is SessionState.IDLE and before is not None:
+            self._fail(f"the Cabinet at {self._peer} closed the FRI session")
+        elif moved:
+            self._fail(f"the Cabinet left COMMANDING_ACTIVE under a moving arm: {why_left(said)}")
+
+    def _fail(self, failure: str) -> None:
+        """Command no more until :meth:`resume`; the first failure is the one that is told."""
+        self._taking = self._mirrored = False
+        self._failure = self._failure or failure
+
+    def _watches(self, said: Said) -> bool:
+        """Whether nothing is commanded now, whatever is written."""
+        return bool(self._failure or self._options.shadow or other_command_mode(said, self._options.overlay))
+
     def _command(self, said: Said) -> CommandData | None:
         """Return what the answer carries beside its header."""
         if said.state < _WAIT:
             return None if said.commanded_position_rad is None else CommandData(said.commanded_position_rad)
         set_point = self._set_point
-        if not self._mirrored or self._failure or self._options.shadow or set_point is None:
-            return None
-        if other_command_mode(said, self._options.overlay):
+        if set_point is None or not (self._taking or (self._mirrored and not self._watches(said))):
             return None
         overlay = set_point.overlay
+        if not self._taking:
+            self._counts["mirrored"] += 1
+            overlay = None
         match self._options.overlay:
             case OverlayKind.TORQUE:
                 return CommandData(set_point.position_rad, torque=_STILL if overlay is None else overlay.torque_nm)
@@ -351,11 +388,22 @@ class CabinetBackend:
             return before_commanding(said)
         if refusal := other_command_mode(said, self._options.overlay):
             return refusal
-        if said.state is _ACTIVE and self._mirrored:
+        if self._taking:
             return ""
         position_rad = None if self._set_point is None or self._mirrored else self._set_point.position_rad
         return waits_for_mirror(position_rad, said.interpolator_rad or said.position_rad, MIRROR_RAD)
 
+    def _words_of_period(self, said: Said, sender: Address) -> str:
+        sent_ms, ours_ms = said.send_period_ms, self._cycle_ns // _NS_PER_MS
+        do = f"set cycle_ms = {sent_ms}" if sent_ms in _CYCLES_MS else "let it send every 1, 2, 4 or 5 ms"
+        return f"the Cabinet at {sender} sends every {sent_ms} ms, this station's cycle is {ours_ms} ms: {do}"
+
     def _require_open(self, what: str) -> None:
         if self._period_ns is None:
             raise BackendError(f"cannot {what} a CabinetBackend that is not open")
+
+
+def _adds(command: JointCommand) -> bool:
+    """Whether a command adds a torque or a wrench."""
+    overlay = command.overlay
+    return overlay is not None and (any(overlay.torque_nm) or any(overlay.wrench))

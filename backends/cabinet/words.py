@@ -3,7 +3,7 @@
 from typing import Final
 
 from backends.cabinet.reading import Said
-from hil.values.fri import ClientCommandMode, OverlayKind, SessionState
+from hil.values.fri import ClientCommandMode, OverlayKind, SafetyState, SessionState
 from hil.values.robot import JOINT_NAMES, Seven
 
 COMMAND_MODES: Final = {
@@ -21,6 +21,12 @@ _TAKES: Final = {
 }
 
 
+def why_left(said: Said) -> str:
+    """Return where a Cabinet is that left commanding, and what it says of the reason."""
+    stop = "" if said.safety_state is SafetyState.NORMAL_OPERATION else f", {said.safety_state.name}"
+    return f"it is in {said.state.name}, quality {said.quality.name}{stop}"
+
+
 def before_commanding(said: Said) -> str:
     """Return what the Cabinet's session lacks for COMMANDING_WAIT."""
     match said.state:
@@ -31,6 +37,8 @@ def before_commanding(said: Said) -> str:
                 f"the Cabinet is in MONITORING_WAIT: it rates the connection {said.quality.name}, GOOD is needed; "
                 f"it rises while this controller answers in time"
             )
+        case _ if said.safety_state is not SafetyState.NORMAL_OPERATION:
+            return f"the Cabinet is in MONITORING_READY and stopped ({said.safety_state.name}): clear that there first"
         case _:
             return "the Cabinet is in MONITORING_READY: start the motion with an overlay in the robot application there"
 

@@ -74,11 +74,14 @@ class Controller:
         self._outgoing: list[Outgoing] = []
         self._findings = FindingLog(self._events.append)
         self._arm = backend.read()
+        self._robot_side_yields = bool(backend.capabilities.passes_overlays)
+        """Whether the robot side runs an impedance of its own, also while nothing is laid over."""
         self._motion = MotionExecutive(
             self._arm.position_rad,
             limits=description.limits,
             cycle_s=settings.cycle_ns * 1e-9,
             hold_control=ControlSetup(load=settings.load),
+            always_yields=self._robot_side_yields,
         )
         self._oscillation = OscillationWatch(
             self._motion,
@@ -108,7 +111,7 @@ class Controller:
         self._before: SetPoint = self._motion.set_point
         self._closing = False
         self._proposed = self._motion.set_point
-        self._yielded = False
+        self._yielded = self._robot_side_yields
         """Whether the arm was to yield in the cycle before."""
         self._stages: tuple[tuple[str, Callable[[int, int], None]], ...] = (
             ("read", self._read),
@@ -430,7 +433,7 @@ class Controller:
 
     def _check_measured(self, now_ns: int, _started_ns: int) -> None:
         self._safety.check_measured(self._arm, self._before, yields=self._yielded, now_ns=now_ns)
-        self._yielded = self._motion.control.yields
+        self._yielded = self._robot_side_yields or self._motion.control.yields
         fault = self._control.violation
         if fault is not None and self._motion.phase is not Phase.BRAKING:
             self._safety.stop(fault, now_ns)

@@ -93,7 +93,7 @@ def test_a_cabinet_of_another_release_or_period_is_named(tmp_path: Path) -> None
         cabinet.bind((host, 0))
         for datagram, sentence in (
             (message(Release.V2_7), "is no message of release 1.15: a message with length and CRC"),
-            (message(Release.V1_15, send_period_ms=10), "sends every 10 ms and this station's cycle is 5 ms"),
+            (message(Release.V1_15, send_period_ms=10), "sends every 10 ms, this station's cycle is 5 ms"),
         ):
             process = controller(host)
             wait_for_line(process, "waiting for the robot side's first message")

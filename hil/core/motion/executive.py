@@ -52,10 +52,18 @@ class MotionExecutive:
     """
 
     def __init__(
-        self, position_rad: Seven, *, limits: JointLimits, cycle_s: float, hold_control: ControlSetup = POSITION
+        self,
+        position_rad: Seven,
+        *,
+        limits: JointLimits,
+        cycle_s: float,
+        hold_control: ControlSetup = POSITION,
+        always_yields: bool = False,
     ) -> None:
+        """``always_yields``: it is the robot side that yields, also while the arm is held."""
         self._limits = limits
         self._hold_control = hold_control
+        self._always_yields = always_yields
         self._cycle_s = cycle_s
         position_rad = within_range(position_rad, limits)
         self._motion: PositionHold | JointOverlay | Brake = PositionHold(position_rad)
@@ -298,7 +306,7 @@ class MotionExecutive:
 
     def _hold(self) -> None:
         self._enter(Phase.HOLDING)
-        if self.control.yields:
+        if self.control.yields and not self._always_yields:
             self._begin_anew()
             self.set_point = SetPoint(self.set_point.position_rad, STILL)
         self.control, self.control_of = self._hold_control, None

@@ -77,7 +77,11 @@ class ActiveStop(NamedTuple):
 class Operator:
     """What the pad says now. ``enabled``: begin with the enabling switch held and the start key pressed."""
 
-    def __init__(self, *, mode: OperationMode, enabled: bool, permissive: bool = False) -> None:
+    def __init__(
+        self, *, mode: OperationMode, enabled: bool, permissive: bool = False, enabling_there: bool = False
+    ) -> None:
+        self._enable = "at the robot side" if enabling_there else "hil pad enable"
+        """How the enabling switch is held."""
         self.mode = mode
         self.enabling = enabled
         self.override_percent = 100.0
@@ -163,7 +167,7 @@ class Operator:
             if self.stop is not None:
                 return f"{_RESET} first: the arm is stopped: {self.stop.reason}"
             if self.needs_enabling and not self.enabling:
-                return f"{self.mode.name}: {NOT_ENABLED}; hold it first (hil pad enable)"
+                return f"{self.mode.name}: {NOT_ENABLED}; hold it first ({self._enable})"
         return ""
 
     def _worsen(self, stop: ActiveStop) -> None:
@@ -191,12 +195,12 @@ class Operator:
         return min(active).safety_state if active else SafetyState.NORMAL_OPERATION
 
     def _reason(self) -> str:
-        enable = ", hold the enabling switch (hil pad enable)" if self.needs_enabling and not self.enabling else ""
+        enable = f", hold the enabling switch ({self._enable})" if self.needs_enabling and not self.enabling else ""
         if self.stop is not None:
             # What to do comes first: the servo link cuts a long text at its end.
             return f"{_RESET}{enable} and press start (hil pad start): the arm is stopped: {self.stop.reason}"
         if enable:
-            return f"{self.mode.name}: {NOT_ENABLED}: hold it (hil pad enable) and press start (hil pad start)"
+            return f"{self.mode.name}: {NOT_ENABLED}: hold it ({self._enable}) and press start (hil pad start)"
         return "" if self.may_move else f"{NOT_STARTED}: press start (hil pad start)"
 
 

@@ -62,7 +62,12 @@ class Supervisor:
         self._motion = motion
         self._pusher = pusher
         self._emit = emit
-        self._operator = Operator(mode=settings.operation_mode, enabled=settings.enabled, permissive=safety.permissive)
+        self._operator = Operator(
+            mode=settings.operation_mode,
+            enabled=settings.enabled,
+            permissive=safety.permissive,
+            enabling_there=self._follows_operator_there,
+        )
         self._would_stop = WouldStopLog(emit)
         self.monitors = Monitors(
             limits=limits,
@@ -108,7 +113,7 @@ class Supervisor:
 
     def read(self, arm: ArmState, *, now_ns: int) -> None:
         """Look at the drives of a measured state, and at what the robot side says of itself."""
-        self._arm = arm
+        first, self._arm = self._arm is None, arm
         condition = self._backend.condition()
         state = self.drives.read(arm)
         if condition is not self._condition:
@@ -122,7 +127,8 @@ class Supervisor:
             # Drives that the operator there switches off between motions are no failure.
             if self._motion.at_rest:
                 return
-        if self.drives.lost:
+        # What did not hold the arm from the start is not lost.
+        if self.drives.lost and not first:
             self.stop(Fault(LOST_DRIVES, f"they are {state.name}"), now_ns, StopCategory.DROP)
 
     def follow_operator(self, arm: ArmState, *, commanding: bool, closing: bool, now_ns: int) -> str:
@@ -145,7 +151,9 @@ class Supervisor:
         if drives.dropped or not drives.hold or not condition.takes_commands:
             self._dropped_in_pause = True
             held_rad = condition.held_position_rad or arm.position_rad
-            if motion.at_rest and math.isfinite(sum(held_rad)):
+            # What waits for a robot side that takes no commands begins where the arm is held by then.
+            rests = motion.at_rest if condition.takes_commands else motion.phase is Phase.HOLDING
+            if rests and math.isfinite(sum(held_rad)):
                 motion.follow(held_rad)
         runs = not (waits or motion.paused or drives.dropped)
         t1_counts = self.monitors.t1 or operator.mode is not OperationMode.T1
@@ -237,13 +245,12 @@ class Supervisor:
             return ""
         if not self._stopped(stop.category):
             return "the arm still brakes; acknowledge the stop when it stands still"
+        state = self._backend.condition().safety_state
+        if state is not SafetyState.NORMAL_OPERATION:
+            return f"the robot side is stopped ({state.name}): clear that there first"
         self._backend.resume()
-        condition = self._backend.condition()
-        if condition.failure:
-            return f"the robot side has not recovered: {condition.failure}"
-        if condition.safety_state is not SafetyState.NORMAL_OPERATION:
-            return f"the robot side is stopped ({condition.safety_state.name}): clear that there first"
-        return ""
+        failure = self._backend.condition().failure
+        return f"the robot side has not recovered: {failure}" if failure else ""
 
     def _note_condition(self, before: RobotSideCondition, now: RobotSideCondition, now_ns: int) -> None:
         """Follow what the robot side says of itself: its selector, its stops, its failures."""
