@@ -36,6 +36,7 @@ def _add_commands(first: str) -> None:
             bench,
             capture,
             config,
+            conformance,
             demo,
             dissector,
             doctor,
@@ -53,6 +54,7 @@ def _add_commands(first: str) -> None:
         app.command("impair")(impair.impair)
         app.command("replay")(replay.replay)
         app.command("step-response")(step_response.step_response)
+        app.command("conformance")(conformance.conformance)
         app.command("report")(report.report)
         app.add_typer(bench.app, name="bench")
         app.add_typer(capture.app, name="capture")
