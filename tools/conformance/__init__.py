@@ -1,1 +1,1 @@
-"""Where two backends differ on the same command stream, and the rigs they stand on."""
+"""Robot sides on the bench: what lives behind each backend, and how two of them differ."""

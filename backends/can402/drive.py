@@ -1,0 +1,114 @@
+"""One drive, as the cycle sees it: what it answered last, what it is told next, and what is wrong with it."""
+
+import struct
+from typing import Final
+
+from backends.can402.error_codes import error_in_words
+from backends.can402.scaling import AxisScale
+from backends.can402.state_machine import FAULT_RESET, TO_ENABLED, TO_OFF, PowerState, power_state
+
+_COMMAND: Final = struct.Struct("<Hi")
+_STATE: Final = struct.Struct("<Hi")
+_MOTION: Final = struct.Struct("<ihH")
+_OPERATIONAL: Final = 5
+_FAULTS: Final = (PowerState.FAULT, PowerState.FAULT_REACTION)
+_RESET_SYNCS: Final = 20
+"""What a fault reset may take."""
+_NMT_STATES: Final = {0: "booted anew", 4: "stopped", 5: "operational", 127: "pre-operational"}
+
+
+class Drive:
+    """``name`` is how it is told of: node number and axis."""
+
+    def __init__(self, name: str, scale: AxisScale, *, lost_after: int) -> None:
+        self.name = name
+        self.scale = scale
+        self._lost_after = lost_after
+        self.state = PowerState.UNKNOWN
+        self.counts = 0
+        self.counts_per_s = 0
+        self.torque_permille = 0
+        self.error_code = 0
+        self.unanswered = 0
+        """SYNCs in a row without an answer to each part."""
+        self.answers_due = 0
+        self.left = ""
+        """Why it exchanges nothing any more, though nobody told it to."""
+        self._seen = [False, False]
+        self._reset = False
+        self._resetting = 0
+        """SYNCs that it may still take to leave its fault."""
+
+    def began(self, status_word: int, counts: int) -> None:
+        """It was set up, and stands there."""
+        self.state, self.counts, self.counts_per_s = power_state(status_word), counts, 0
+        self.unanswered, self.left, self.error_code = 0, "", 0
+        self._seen = [False, False]
+
+    def synchronised(self) -> None:
+        """A SYNC goes out."""
+        self._seen = [False, False]
+
+    @property
+    def answered(self) -> bool:
+        """Whether all of the answer to the last SYNC is there."""
+        return self._seen[0] and self._seen[1]
+
+    def count_silence(self) -> None:
+        """The cycle is over."""
+        self.unanswered = 0 if self.answered else self.unanswered + 1
+        self._resetting = max(0, self._resetting - 1) if self.state in _FAULTS else 0
+
+    def answer(self, part: int, data: bytes) -> str:
+        """Take one part of an answer; return what is wrong with it, or nothing."""
+        layout = (_STATE, _MOTION)[part]
+        if len(data) != layout.size:
+            return f"{self.name} answers with {len(data)} bytes where {layout.size} are mapped"
+        if self._seen[part]:
+            return f"{self.name} answered one SYNC twice: two drives have the same node number"
+        self._seen[part] = True
+        if part == 0:
+            status_word, self.counts = layout.unpack(data)
+            self.state = power_state(status_word)
+        else:
+            self.counts_per_s, self.torque_permille, self.error_code = layout.unpack(data)
+        return ""
+
+    def emergency(self, data: bytes) -> str:
+        """Take an emergency message; return the failure it is, or nothing where it says that all is well again."""
+        code = int.from_bytes(data[:2], "little")
+        if code == 0:
+            return ""
+        self.error_code = code
+        return f"{self.name}: {error_in_words(code)}"
+
+    def heartbeat(self, data: bytes) -> None:
+        """Take a heartbeat, or an answer to node guarding."""
+        state = data[0] & 0x7F if data else -1
+        if state != _OPERATIONAL:
+            self.left = f"{self.name} is {_NMT_STATES.get(state, f'in NMT state {state}')}"
+
+    def failure(self) -> str:
+        """Return what is wrong with it now, or nothing."""
+        if self.left:
+            return self.left
+        if self.unanswered >= self._lost_after:
+            return f"{self.name} is lost: no answer to the last {self.unanswered} SYNCs"
+        if self.state in _FAULTS and not self._resetting:
+            return f"{self.name}: {error_in_words(self.error_code)}"
+        if self.state is PowerState.UNKNOWN:
+            return f"{self.name} is in no state of CiA 402"
+        return ""
+
+    def reset_fault(self) -> None:
+        """Acknowledge its fault with the next command."""
+        if self.state in _FAULTS:
+            self._reset = True
+            self._resetting = _RESET_SYNCS
+
+    def command(self, target_counts: int, *, enabled: bool) -> bytes:
+        """Return the process data that lead it on."""
+        word = (TO_ENABLED if enabled else TO_OFF)[self.state]
+        if self._reset and self.state is PowerState.FAULT:
+            word, self._reset = FAULT_RESET, False
+        return _COMMAND.pack(word, target_counts)

@@ -1,0 +1,87 @@
+"""The CAN bus as this backend needs it: frames out, what has come, and bounded waits; no thread, no clock."""
+
+from typing import Final, NamedTuple
+
+import can
+
+from backends.can402.options import Can402Options
+from hil.values.errors import BackendError
+
+MOST_FRAMES_AT_ONCE: Final = 512
+"""Frames that are read in one go; a bus that carries more than that in a cycle is not ours alone."""
+
+
+class Frame(NamedTuple):
+    """A data frame with an 11-bit identifier; ``remote``: one that asks for it."""
+
+    identifier: int
+    data: bytes
+    remote: bool = False
+
+
+class BusFailed(BackendError):
+    """The bus does not work any more."""
+
+
+class Wire:
+    """One open bus. ``close`` is idempotent. Everything raises :class:`BusFailed` when the bus fails."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self.bus: can.BusABC | None = bus
+
+    def send(self, frame: Frame) -> None:
+        """Send a frame."""
+        message = can.Message(
+            arbitration_id=frame.identifier, data=frame.data, is_extended_id=False, is_remote_frame=frame.remote
+        )
+        try:
+            self._open_bus().send(message)
+        except can.CanError as error:
+            raise BusFailed(f"the CAN bus takes no frames: {error}") from error
+
+    def receive(self, wait_s: float = 0.0) -> Frame | None:
+        """Return the next data frame, None when none has come after ``wait_s``."""
+        for _ in range(MOST_FRAMES_AT_ONCE):
+            try:
+                message = self._open_bus().recv(timeout=wait_s)
+            except can.CanError as error:
+                raise BusFailed(f"the CAN bus cannot be read: {error}") from error
+            if message is None:
+                return None
+            if message.is_error_frame:
+                raise BusFailed("the CAN controller reports an error frame: the bus is disturbed, or bus-off")
+            if not message.is_extended_id:
+                return Frame(message.arbitration_id, bytes(message.data), message.is_remote_frame)
+        return None
+
+    def check(self) -> None:
+        """Raise :class:`BusFailed` for a controller that is off the bus."""
+        try:
+            state = self._open_bus().state
+        except NotImplementedError:
+            return  # an interface that does not tell
+        if state is can.BusState.ERROR:
+            raise BusFailed(
+                "the CAN controller is bus-off: too many errors on the bus; look at cable, ends and bit rate"
+            )
+
+    def close(self) -> None:
+        """Release the bus."""
+        bus, self.bus = self.bus, None
+        if bus is not None:
+            bus.shutdown()
+
+    def _open_bus(self) -> can.BusABC:
+        if self.bus is None:
+            raise BusFailed("the CAN bus is closed")
+        return self.bus
+
+
+def open_wire(options: Can402Options) -> Wire:
+    """Open the bus; raise :class:`BackendError` in one sentence."""
+    where = f"the CAN bus {options.channel!r} of the interface {options.interface!r}"
+    try:
+        return Wire(can.Bus(interface=options.interface, channel=options.channel, bitrate=options.bitrate))
+    except (can.CanError, OSError, ValueError, ImportError, NotImplementedError) as error:
+        detail = str(error).strip().splitlines()
+        raise BackendError(f"cannot open {where}: {detail[-1] if detail else type(error).__name__}") from error
