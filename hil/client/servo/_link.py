@@ -50,7 +50,8 @@ class ClientShell:
     """The part of a client that has no socket yet. ``controller`` is ``HOST[:PORT]``, port 30300 unless given.
 
     ``role`` is what it may do: one commander at a time, any number of observers. The controller takes the arm from a
-    commander it has not heard for ``watchdog_ms``; it sends a state every ``state_period_ms``. It drops a command that
+    commander it has not heard for ``watchdog_ms``; it sends a state every ``state_period_ms``, or
+    at the next multiple of its control cycle. It drops a command that
     reflects a state older than ``latency_budget_ms``: three state periods to the watchdog; None: the watchdog.
     ``key`` is the pre-shared key of the link, where it has one (:func:`load_key`). ``name`` is for people: 63 bytes of
     UTF-8.

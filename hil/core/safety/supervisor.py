@@ -115,7 +115,7 @@ class Supervisor:
 
     def read(self, arm: ArmState, *, now_ns: int) -> None:
         """Look at the drives of a measured state, and at what the robot side says of itself."""
-        self._arm = arm
+        first, self._arm = self._arm is None, arm
         condition = self._backend.condition()
         state = self.drives.read(arm)
         if condition is not self._condition:
@@ -129,7 +129,8 @@ class Supervisor:
             # Drives that the operator there switches off between motions are no failure.
             if self._motion.at_rest:
                 return
-        if self.drives.lost:
+        # What did not hold the arm from the start is not lost.
+        if self.drives.lost and not first:
             self.stop(Fault(LOST_DRIVES, f"they are {state.name}"), now_ns, StopCategory.DROP)
 
     def follow_operator(self, arm: ArmState, *, commanding: bool, closing: bool, now_ns: int) -> str:

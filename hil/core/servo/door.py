@@ -80,17 +80,17 @@ class Door:
             )
         if not MIN_STATE_PERIOD_MS <= hello.state_period_ms <= MAX_STATE_PERIOD_MS:
             return f"state period {hello.state_period_ms} ms is outside {MIN_STATE_PERIOD_MS}..{MAX_STATE_PERIOD_MS} ms"
-        if hello.state_period_ms % self._cycle_ms:
-            return f"state period {hello.state_period_ms} ms is no multiple of the control cycle of {self._cycle_ms} ms"
-        lowest_ms = max(MIN_WATCHDOG_MS, 3 * hello.state_period_ms)
+        # What is no multiple of the control cycle is as long as the next one.
+        state_period_ms = -(-hello.state_period_ms // self._cycle_ms) * self._cycle_ms
+        lowest_ms = max(MIN_WATCHDOG_MS, 3 * state_period_ms)
         if not lowest_ms <= hello.watchdog_ms <= MAX_WATCHDOG_MS:
             return (
                 f"watchdog {hello.watchdog_ms} ms is outside {lowest_ms}..{MAX_WATCHDOG_MS} ms "
                 f"(at least {MIN_WATCHDOG_MS} ms and three state periods)"
             )
-        if hello.latency_budget_ms and not 3 * hello.state_period_ms <= hello.latency_budget_ms <= hello.watchdog_ms:
+        if hello.latency_budget_ms and not 3 * state_period_ms <= hello.latency_budget_ms <= hello.watchdog_ms:
             return (
-                f"latency budget {hello.latency_budget_ms} ms is outside {3 * hello.state_period_ms}.."
+                f"latency budget {hello.latency_budget_ms} ms is outside {3 * state_period_ms}.."
                 f"{hello.watchdog_ms} ms (three state periods .. watchdog)"
             )
         return ""

@@ -128,7 +128,7 @@ class SessionTable:
             role=hello.role,
             name=hello.name,
             watchdog_ns=hello.watchdog_ms * NS_PER_MS,
-            state_period_cycles=max(1, hello.state_period_ms // self._cycle_ms),
+            state_period_cycles=-(-hello.state_period_ms // self._cycle_ms),
             heard_ns=now_ns,
             latency=LatencyBudget(
                 budget_ns=(hello.latency_budget_ms or hello.watchdog_ms) * NS_PER_MS,
