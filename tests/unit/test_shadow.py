@@ -1,7 +1,7 @@
 """A real arm beside an emulated one: here the real one is our own controller's, so what must differ is known."""
 
 import json
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import pytest
@@ -22,6 +22,7 @@ QUIET = partial(MujocoBackend, torque_noise=False)
 CAPTURE = Path(__file__).parents[1] / "data" / "fri-1.15-joint-position-5ms.pcapng"
 
 
+@cache
 def recorded(release: Release = Release.V1_15, *, push: bool = False, seconds: float = 0.6) -> list[MonitoringMessage]:
     """What a controller says whose client moves A4, and whose arm is pushed in the middle of it."""
     bench = Bench(release, backend=QUIET, fri=FriSettings(peer=PEER, quality_rise_ms=20))
