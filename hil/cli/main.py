@@ -36,6 +36,7 @@ def _add_commands(first: str) -> None:
             bench,
             capture,
             config,
+            conformance,
             demo,
             dissector,
             doctor,
@@ -55,6 +56,7 @@ def _add_commands(first: str) -> None:
         app.command("replay")(replay.replay)
         app.command("shadow")(shadow.shadow)
         app.command("step-response")(step_response.step_response)
+        app.command("conformance")(conformance.conformance)
         app.command("report")(report.report)
         app.add_typer(bench.app, name="bench")
         app.add_typer(capture.app, name="capture")
