@@ -44,6 +44,7 @@ def _add_commands(first: str) -> None:
             replay,
             report,
             run,
+            shadow,
             stand_in,
             step_response,
         )
@@ -53,6 +54,7 @@ def _add_commands(first: str) -> None:
         app.command("dissector")(dissector.dissector)
         app.command("impair")(impair.impair)
         app.command("replay")(replay.replay)
+        app.command("shadow")(shadow.shadow)
         app.command("step-response")(step_response.step_response)
         app.command("conformance")(conformance.conformance)
         app.command("report")(report.report)

@@ -7,6 +7,7 @@ from typing import cast
 import pytest
 
 from backends.mujoco import MujocoBackend
+from hil.core.events import RobotSideChanged
 from hil.values.arm import Push
 from hil.values.control import (
     CartesianImpedanceControlMode,
@@ -83,6 +84,7 @@ def test_a_motion_of_an_application_moves_the_arm_at_the_end_of_the_row(release:
     assert off_rad(chain, target) < 1e-9
     for node in chain.nodes[1:]:
         assert not chain.stops(node)
+        assert [str(event) for event in node.events if isinstance(event, RobotSideChanged)][-1].endswith(" commands")
         assert node.cabinet_link.report()["lost"] == 0
 
 
