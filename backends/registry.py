@@ -51,5 +51,22 @@ def make_backend(name: str, request: BackendRequest) -> Backend:
     return load_plugin(name).make(request)
 
 
+def origin_of(name: str) -> str:
+    """Return the distribution that offers ``name``, with its version."""
+    distribution = _entries()[name].dist
+    return "unknown" if distribution is None else f"{distribution.name} {distribution.version}"
+
+
 def _entries() -> dict[str, EntryPoint]:
-    return {entry.name: entry for entry in entry_points(group=BACKEND_GROUP)}
+    found: dict[str, EntryPoint] = {}
+    for entry in entry_points(group=BACKEND_GROUP):
+        other = found.setdefault(entry.name, entry)
+        if other.value != entry.value:
+            raise ConfigurationError(
+                f"two packages offer a backend {entry.name!r}: {_of(other)} and {_of(entry)}; uninstall one of them"
+            )
+    return found
+
+
+def _of(entry: EntryPoint) -> str:
+    return f"{'unknown' if entry.dist is None else entry.dist.name} ({entry.value})"

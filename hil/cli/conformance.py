@@ -1,12 +1,13 @@
 """``hil conformance A B``: the same command stream to two robot sides, and where they differ."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import Progress
+from rich.progress import Progress, TaskID
 from rich.table import Table
 
 from hil.cli.json_output import JsonOutput
@@ -54,29 +55,28 @@ def conformance(  # noqa: PLR0917  # typer makes the options of the parameters
             robot, cycle, moments = captured_stream(stream)
         rigs = [make_rig(side, robot=robot, cycle_ms=cycle) for side in sides]
         if stream is None:
-            moments = planned_stream(robot=robot, cycle_ms=cycle)
-        can = [rig.backend.capabilities for rig in rigs]
-        if stream is None:
+            can = [rig.backend.capabilities for rig in rigs]
+            drives, push = all(side.switches_drives for side in can), all(side.can_be_pushed for side in can)
             moments = with_actions(
-                moments,
-                cycle_ms=cycle,
-                drives=all(side.switches_drives for side in can),
-                push=all(side.can_be_pushed for side in can),
+                planned_stream(robot=robot, cycle_ms=cycle), cycle_ms=cycle, drives=drives, push=push
             )
+        bar.update(task, total=2 * len(moments))
         courses = []
         for number, (rig, side) in enumerate(zip(rigs, sides, strict=True)):
-            before = number * len(moments)
-            bar.update(task, description=side.text, total=2 * len(moments))
-            courses.append(
-                run_stream(
-                    rig,
-                    moments,
-                    name=side.text,
-                    cycle_ms=cycle,
-                    progress=lambda done, before=before: bar.update(task, completed=before + done),  # type: ignore[misc]
-                )
-            )
+            bar.update(task, description=side.text)
+            progress = partial(_advance, bar, task, number * len(moments))
+            courses.append(run_stream(rig, moments, name=side.text, cycle_ms=cycle, progress=progress))
         found = compare(courses[0], courses[1], moments, robot=robot, cycle_ms=cycle)
+    _write(found, tolerance_rad, output, plot)
+    if abs(found.worst_position.worst) > tolerance_rad * 1e3:
+        raise typer.Exit(1)
+
+
+def _advance(bar: Progress, task: TaskID, before: int, done: int) -> None:
+    bar.update(task, completed=before + done)
+
+
+def _write(found: "Comparison", tolerance_rad: float, output: JsonOutput, plot: Path | None) -> None:
     if plot is not None:
         from tools.conformance.drawing import draw
 
@@ -86,8 +86,6 @@ def conformance(  # noqa: PLR0917  # typer makes the options of the parameters
         _show(found, tolerance_rad)
         if plot is not None:
             typer.echo(f"picture: {plot}")
-    if abs(found.worst_position.worst) > tolerance_rad * 1e3:
-        raise typer.Exit(1)
 
 
 def _show(found: "Comparison", tolerance_rad: float) -> None:

@@ -33,6 +33,7 @@ def _add_commands(first: str) -> None:
     """Add the commands; a pad, whose keys should work at once, does not wait for what only the others import."""
     if first != "pad":
         from hil.cli import (
+            backends,
             bench,
             capture,
             config,
@@ -56,6 +57,7 @@ def _add_commands(first: str) -> None:
         app.command("replay")(replay.replay)
         app.command("shadow")(shadow.shadow)
         app.command("step-response")(step_response.step_response)
+        app.command("backends")(backends.backends)
         app.command("conformance")(conformance.conformance)
         app.command("report")(report.report)
         app.add_typer(bench.app, name="bench")
