@@ -50,11 +50,11 @@ def conformance(  # noqa: PLR0917  # typer makes the options of the parameters
         raise ConfigurationError(f"a control cycle of {cycle} ms; valid: {', '.join(map(str, CYCLE_CHOICES_MS))} ms")
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("planning", total=None)
-        if stream is None:
-            moments = planned_stream(robot=robot, cycle_ms=cycle)
-        else:
+        if stream is not None:
             robot, cycle, moments = captured_stream(stream)
         rigs = [make_rig(side, robot=robot, cycle_ms=cycle) for side in sides]
+        if stream is None:
+            moments = planned_stream(robot=robot, cycle_ms=cycle)
         can = [rig.backend.capabilities for rig in rigs]
         if stream is None:
             moments = with_actions(

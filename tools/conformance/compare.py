@@ -25,6 +25,9 @@ QUANTITIES: Final = (
 )
 """What is compared: its name, the field of the state, and the unit it is told in."""
 MOST_LATENCY_CYCLES: Final = 40
+_FINEST_CYCLES: Final = 1e-3
+_MOVED_RAD: Final = 1e-3
+"""An axis that moves less tells no latency."""
 _PUSH: Final = Push(JOINT_COUNT, (0.0, 20.0, 0.0), (0.0, 0.0, 0.0), 0.2)
 _STILL: Final[Seven] = (0.0,) * JOINT_COUNT  # type: ignore[assignment]
 
@@ -154,7 +157,7 @@ def compare(a: Course, b: Course, stream: Sequence[Moment], *, robot: str, cycle
     """Return how ``b`` differs from ``a``."""
     parts = tuple(moment.part for moment in stream)
     moving = _moving(stream)
-    shift = _latency_cycles(a.of("position_rad")[moving], b.of("position_rad")[moving])
+    shift = _latency_cycles(a.of("position_rad"), b.of("position_rad"), moving)
     found = []
     for name, field, factor, unit in QUANTITIES:
         ours, theirs = a.of(field), b.of(field)
@@ -202,24 +205,32 @@ def _moving(stream: Sequence[Moment]) -> "NDArray[np.bool_]":
     return kept if kept.any() else np.ones(len(stream), dtype=np.bool_)
 
 
-def _latency_cycles(ours: "Array", theirs: "Array") -> float:
-    """Return by how many cycles, parts of one included, ``theirs`` is later: where the two are nearest."""
+def _latency_cycles(ours: "Array", theirs: "Array", moving: "NDArray[np.bool_]") -> float:
+    """Return by how many cycles, parts of one included, ``theirs`` is later: what most axes are nearest at."""
     most = min(MOST_LATENCY_CYCLES, len(ours) // 4)
-    shifts = range(-most, most + 1)
-    inner = slice(most, len(ours) - most)
-    squares = np.array([float(np.sum((theirs[inner] - np.roll(ours, shift, axis=0)[inner]) ** 2)) for shift in shifts])
-    best = int(np.argmin(squares))
-    if not 0 < best < len(squares) - 1:
-        return float(shifts[best])
-    before, here, after = squares[best - 1 : best + 2]
-    curve = before - 2.0 * here + after
-    return shifts[best] + (0.0 if curve <= 0.0 else 0.5 * (before - after) / curve)
+    found = []
+    for axis in np.flatnonzero(np.ptp(ours, axis=0) > _MOVED_RAD):
+        one, other = ours[:, axis], theirs[:, axis]
+        best, step = 0.0, 1.0
+        shifts = np.arange(-most, most + 1.0)
+        while step >= _FINEST_CYCLES:
+            off = [float(np.sum((other - _shifted_column(one, shift))[moving] ** 2)) for shift in shifts]
+            best = float(shifts[int(np.argmin(off))])
+            shifts = best + step * np.linspace(-0.9, 0.9, 19)
+            step /= 10.0
+        found.append(best)
+    return float(np.round(np.median(found), 6)) if found else 0.0
 
 
 def _shifted(values: "Array", cycles: float) -> "Array":
     """Return values as they were ``cycles`` ago, between two cycles in a straight line."""
-    at = np.arange(len(values)) - cycles
-    return np.column_stack([np.interp(at, np.arange(len(values)), column) for column in values.T])
+    return np.column_stack([_shifted_column(column, cycles) for column in values.T])
+
+
+def _shifted_column(column: "Array", cycles: float) -> "Array":
+    places = np.arange(len(column))
+    shifted: Array = np.interp(places - cycles, places, column)
+    return shifted
 
 
 def _sequence(states: Sequence[ArmState]) -> str:
