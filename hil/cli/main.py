@@ -33,6 +33,7 @@ def _add_commands(first: str) -> None:
     """Add the commands; a pad, whose keys should work at once, does not wait for what only the others import."""
     if first != "pad":
         from hil.cli import (
+            backends,
             bench,
             capture,
             config,
@@ -48,6 +49,7 @@ def _add_commands(first: str) -> None:
         )
 
         app.command("run")(run.run)
+        app.command("backends")(backends.backends)
         app.command("demo")(demo.demo)
         app.command("dissector")(dissector.dissector)
         app.command("impair")(impair.impair)
