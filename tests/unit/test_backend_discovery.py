@@ -76,8 +76,8 @@ def test_a_backend_of_another_package_is_found_and_made() -> None:
         (
             "no-module",
             (
-                "the backend 'no-module' (paper_arm_that_is_not_there:PLUGIN of paper-arm 2.3) cannot be loaded: there is "
-                "no module 'paper_arm_that_is_not_there', install it"
+                "the backend 'no-module' (paper_arm_that_is_not_there:PLUGIN of paper-arm 2.3) cannot be loaded: there "
+                "is no module 'paper_arm_that_is_not_there', install it"
             ),
         ),
     ],
