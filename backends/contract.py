@@ -24,7 +24,6 @@ from hil.values.robot import JOINT_COUNT, Seven
 
 LONGEST_READ_NS: Final = 50_000_000
 """A read that takes longer waits for something; a busy machine must not fail it."""
-FAR_RAD: Final = 0.3
 SPEED_RAD_S: Final = 0.1
 
 
@@ -38,6 +37,8 @@ class BackendContract(ABC):
     """How far an arm that is held may be off."""
     tracking_rad = 2e-3
     """How far an arm may be behind its set point at 0.1 rad/s on all axes."""
+    far_rad = 0.3
+    """How far away a command is that must not move the arm."""
 
     @abstractmethod
     def make_rig(self) -> Rig:
@@ -246,7 +247,7 @@ class DrivesContract(BackendContract):
             stopped = rig.true_position_rad()
             assert set(state.drive_states) == {DriveState.OFF}
             for _ in range(200):
-                rig.cycle(JointCommand(_shifted(stopped, FAR_RAD), STILL))
+                rig.cycle(JointCommand(_shifted(stopped, self.far_rad), STILL))
             assert _distance(rig.true_position_rad(), stopped) <= self.still_rad
 
     def test_drives_that_come_back_hold_the_arm_without_a_jump(self) -> None:
@@ -303,7 +304,7 @@ class PeerContract(BackendContract):
             rig.restore_peer()
             before = rig.true_position_rad()
             for _ in range(500):
-                rig.cycle(JointCommand(_shifted(before, FAR_RAD), STILL))
+                rig.cycle(JointCommand(_shifted(before, self.far_rad), STILL))
                 assert _distance(rig.true_position_rad(), before) <= self.still_rad
             assert rig.backend.condition().failure
             rig.backend.resume()

@@ -256,7 +256,7 @@ class Can402Backend:
         problem = problem or next(filter(None, (drive.failure() for drive in self._drives)), "")
         if problem:
             self._fail(problem)
-        elif all(drive.answered for drive in self._drives):
+        if all(drive.answered for drive in self._drives):
             self._sample += 1
             self._measured = self._state()
         self._progress()

@@ -12,6 +12,7 @@ _STATE: Final = struct.Struct("<Hi")
 _MOTION: Final = struct.Struct("<ihH")
 _OPERATIONAL: Final = 5
 _FAULTS: Final = (PowerState.FAULT, PowerState.FAULT_REACTION)
+_ANSWERS_TOO_MANY: Final = 2
 _RESET_SYNCS: Final = 20
 """What a fault reset may take."""
 _NMT_STATES: Final = {0: "booted anew", 4: "stopped", 5: "operational", 127: "pre-operational"}
@@ -31,10 +32,12 @@ class Drive:
         self.error_code = 0
         self.unanswered = 0
         """SYNCs in a row without an answer to each part."""
-        self.answers_due = 0
+
         self.left = ""
         """Why it exchanges nothing any more, though nobody told it to."""
         self._seen = [False, False]
+        self._owed = [0, 0]
+        """SYNCs without an answer less answers without a SYNC: an answer may be late."""
         self._reset = False
         self._resetting = 0
         """SYNCs that it may still take to leave its fault."""
@@ -43,11 +46,12 @@ class Drive:
         """It was set up, and stands there."""
         self.state, self.counts, self.counts_per_s = power_state(status_word), counts, 0
         self.unanswered, self.left, self.error_code = 0, "", 0
-        self._seen = [False, False]
+        self._seen, self._owed = [False, False], [0, 0]
 
     def synchronised(self) -> None:
         """A SYNC goes out."""
         self._seen = [False, False]
+        self._owed = [min(owed + 1, self._lost_after) for owed in self._owed]
 
     @property
     def answered(self) -> bool:
@@ -64,8 +68,9 @@ class Drive:
         layout = (_STATE, _MOTION)[part]
         if len(data) != layout.size:
             return f"{self.name} answers with {len(data)} bytes where {layout.size} are mapped"
-        if self._seen[part]:
-            return f"{self.name} answered one SYNC twice: two drives have the same node number"
+        self._owed[part] -= 1
+        if self._owed[part] < -_ANSWERS_TOO_MANY:
+            return f"{self.name} answers more often than it is asked: two drives have the same node number"
         self._seen[part] = True
         if part == 0:
             status_word, self.counts = layout.unpack(data)

@@ -43,7 +43,7 @@ def backends(
         return
     wide.print(_card(found[0]))
     if found[0].plugin is not None and found[0].plugin.options_help:
-        options = Table("[robot.options]".replace("[", r"\["), "")
+        options = Table("option", r"\[robot.options] of a station file, or hil run --option NAME=VALUE")
         for option, text in found[0].plugin.options_help.items():
             options.add_row(plain(str(option)), plain(str(text)))
         wide.print(options)

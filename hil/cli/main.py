@@ -35,8 +35,10 @@ def _add_commands(first: str) -> None:
         from hil.cli import (
             backends,
             bench,
+            can_drives,
             capture,
             config,
+            conformance,
             demo,
             dissector,
             doctor,
@@ -44,6 +46,7 @@ def _add_commands(first: str) -> None:
             replay,
             report,
             run,
+            shadow,
             stand_in,
             step_response,
         )
@@ -54,7 +57,10 @@ def _add_commands(first: str) -> None:
         app.command("dissector")(dissector.dissector)
         app.command("impair")(impair.impair)
         app.command("replay")(replay.replay)
+        app.command("shadow")(shadow.shadow)
         app.command("step-response")(step_response.step_response)
+        app.command("can-drives")(can_drives.can_drives)
+        app.command("conformance")(conformance.conformance)
         app.command("report")(report.report)
         app.add_typer(bench.app, name="bench")
         app.add_typer(capture.app, name="capture")

@@ -218,6 +218,16 @@ class DrivesChanged(Event):
 
 
 @dataclass(frozen=True, slots=True)
+class RobotSideChanged(Event):
+    """The robot side takes commands now, or it takes none, or none for another reason."""
+
+    reason: str
+
+    def __str__(self) -> str:
+        return f"the robot side takes no commands: {self.reason}" if self.reason else "the robot side takes commands"
+
+
+@dataclass(frozen=True, slots=True)
 class WouldHaveStopped(Event):
     """A monitor tripped that only reports (``--permissive``); told at most once a second for each monitor."""
 

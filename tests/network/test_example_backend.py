@@ -66,7 +66,7 @@ def test_hil_backends_lists_it_with_what_it_can_do() -> None:
     assert {"ideal", "mujoco", "elastic"} <= set(found)
     elastic = found["elastic"]
     assert (elastic["from"], elastic["problem"]) == ("elastic-arm 1.0.0", "")
-    assert set(elastic["options"]) == {"natural_frequency_hz", "damping_ratio"}
+    assert set(elastic["options"]) == {"frequency_hz", "damping_ratio"}
     assert elastic["capabilities"]["switches_drives"] is True
     assert elastic["capabilities"]["takes_torque"] is False
 
@@ -74,7 +74,7 @@ def test_hil_backends_lists_it_with_what_it_can_do() -> None:
 @pytest.mark.usefixtures("installed")
 def test_an_option_it_does_not_have_is_refused_by_hil_run() -> None:
     ended = cli("run", "--backend", "elastic", "-o", "stiffness=3", "--servo", "off", "--pad", "off")
-    sentence = "options of the backend elastic: there is no 'stiffness'; valid: natural_frequency_hz, damping_ratio"
+    sentence = "options of the backend elastic: there is no 'stiffness'; valid: frequency_hz, damping_ratio"
     assert (ended.code, ended.err.splitlines()[-1]) == (2, f"hil: {sentence}")
 
 
@@ -100,3 +100,10 @@ def test_hil_run_moves_it(project: Path, tmp_path: Path) -> None:
     robot = json.loads(status.read_text())["robots"]["arm"]
     assert (robot["backend"], robot["servo"]["motions_begun"], robot["stops"]) == ("elastic", 1, [])
     assert robot["measured_position"][0] == pytest.approx(start[0] + 0.1, abs=0.01)
+
+
+@pytest.mark.usefixtures("installed")
+def test_hil_conformance_tells_it_from_the_ideal_arm() -> None:
+    compared = cli("conformance", "ideal", "elastic:frequency_hz=5")
+    assert compared.code == 1, compared.err
+    assert "elastic:frequency_hz=5 differs from ideal" in compared.out

@@ -7,6 +7,7 @@ from typing import cast
 import pytest
 
 from backends.mujoco import MujocoBackend
+from hil.core.events import RobotSideChanged
 from hil.values.arm import Push
 from hil.values.control import (
     CartesianImpedanceControlMode,
@@ -83,6 +84,7 @@ def test_a_motion_of_an_application_moves_the_arm_at_the_end_of_the_row(release:
     assert off_rad(chain, target) < 1e-9
     for node in chain.nodes[1:]:
         assert not chain.stops(node)
+        assert [str(event) for event in node.events if isinstance(event, RobotSideChanged)][-1].endswith(" commands")
         assert node.cabinet_link.report()["lost"] == 0
 
 
@@ -324,3 +326,38 @@ def test_damaged_messages_move_nothing(seed: int) -> None:
     mend(chain)
     chain.run(0.1)
     assert chain.largest_step_rad(since=commands) < 1e-3
+
+
+def test_what_is_lost_two_deep_stops_the_outermost_and_comes_back_from_the_inside_out() -> None:
+    chain, application = moving(depth=3)
+    cut(chain, link=0)
+    application.run(0.3)
+    assert application.ends[0].end is MotionEnd.FAILED
+    assert chain.stops(chain.nodes[1])[0].startswith(LOST)
+    # Nothing paces the one in the middle while its own Cabinet is silent, so that it falls silent as well.
+    assert chain.stops(chain.outer)[0].startswith("the Cabinet at 127.0.0.1:40201 is lost")
+    assert chain.outer.backend.condition().safety_state is not SafetyState.NORMAL_OPERATION
+    [refusal] = chain.press(chain.outer, PadKey.RESET)
+    assert "clear that there first" in refusal
+    mend(chain)
+    application.run(1.5)
+    assert not chain.press(chain.nodes[1], PadKey.RESET)
+    application.run_until(lambda: chain.nodes[1].backend.condition().takes_commands)
+    assert not chain.press(chain.nodes[1], PadKey.START)
+    get_going(chain, application)
+
+
+def test_commanding_that_ends_at_rest_is_no_stop_and_motions_wait_for_it() -> None:
+    chain, application = commanding()
+    assert not chain.press(chain.cabinet, PadKey.PAUSE)
+    application.run(0.2)
+    assert not chain.stops(chain.outer)
+    assert not chain.outer.backend.condition().takes_commands
+    target = tuple(value + 0.02 for value in arm_rad(chain))
+    application.start(MotionKind.PTP, target)
+    application.run(0.2)
+    assert not application.ends
+    assert not chain.press(chain.cabinet, PadKey.START)
+    application.run_until(lambda: bool(application.ends))
+    assert application.ends[0].end is MotionEnd.FINISHED
+    assert off_rad(chain, target) < 1e-3

@@ -35,7 +35,7 @@ PLUGIN = BackendPlugin(
     capabilities=_capabilities,
     check_options=_check_options,
     options_help={
-        "natural_frequency_hz": "of a link on its spring, 1 ... 40; 12",
+        "frequency_hz": "of a link on its spring, 1 ... 40; 12",
         "damping_ratio": "of that swing, 0.05 ... 2; 0.7",
     },
 )

@@ -30,7 +30,7 @@ class ElasticArm(InProcessBackend):
 
     def __init__(self, start_rad: Seven, options: ElasticOptions) -> None:
         super().__init__()
-        rate = 2.0 * math.pi * options.natural_frequency_hz
+        rate = 2.0 * math.pi * options.frequency_hz
         self._spring = rate * rate
         self._damper = 2.0 * options.damping_ratio * rate
         self._motor_rad = list(start_rad)

@@ -13,7 +13,7 @@ class ElasticOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
-    natural_frequency_hz: Annotated[float, Field(ge=1.0, le=40.0)] = 12.0
+    frequency_hz: Annotated[float, Field(ge=1.0, le=40.0)] = 12.0
     damping_ratio: Annotated[float, Field(ge=0.05, le=2.0)] = 0.7
 
 

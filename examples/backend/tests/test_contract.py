@@ -26,15 +26,15 @@ class TestElastic(DrivesContract):
 
 class TestElasticAt4MsAndSoft(TestElastic):
     period_ns = 4_000_000
-    options: Mapping[str, object] = {"natural_frequency_hz": 6, "damping_ratio": 1.0}
+    options: Mapping[str, object] = {"frequency_hz": 6, "damping_ratio": 1.0}
 
 
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ({"stiffness": 3}, "there is no 'stiffness'; valid: natural_frequency_hz, damping_ratio"),
+        ({"stiffness": 3}, "there is no 'stiffness'; valid: frequency_hz, damping_ratio"),
         ({"damping_ratio": 0}, "damping_ratio: Input should be greater than or equal to 0.05, got 0"),
-        ({"natural_frequency_hz": "soft"}, "natural_frequency_hz: Input should be a valid number, got 'soft'"),
+        ({"frequency_hz": "soft"}, "frequency_hz: Input should be a valid number, got 'soft'"),
     ],
 )
 def test_options_that_cannot_be_are_refused_in_one_sentence(options: dict[str, object], sentence: str) -> None:

@@ -22,17 +22,17 @@ def swing_rad(controller: VirtualController) -> float:
     return farthest
 
 
-@pytest.mark.hil(options={"natural_frequency_hz": 3, "damping_ratio": 0.1})
+@pytest.mark.hil(options={"frequency_hz": 3, "damping_ratio": 0.1})
 def test_soft_joints_swing_after_the_motion(hil_controller: VirtualController) -> None:
     assert swing_rad(hil_controller) > 2e-3
 
 
-@pytest.mark.hil(options={"natural_frequency_hz": 40})
+@pytest.mark.hil(options={"frequency_hz": 40})
 def test_stiff_ones_do_not(hil_controller: VirtualController) -> None:
     assert swing_rad(hil_controller) < 1e-4
 
 
-@pytest.mark.hil(options={"natural_frequency_hz": 1, "damping_ratio": 0.05})
+@pytest.mark.hil(options={"frequency_hz": 1, "damping_ratio": 0.05})
 def test_joints_too_soft_for_their_motion_are_stopped_by_the_controller(hil_controller: VirtualController) -> None:
     far = (1.0, *NEAR[1:])
     with ServoClient("192.168.0.10:30300") as robot, pytest.raises(CommandInvalidException):

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
-from hil.core.events import ArmStopped, DrivesChanged, Event, OperatorActed
+from hil.core.events import ArmStopped, DrivesChanged, Event, OperatorActed, RobotSideChanged
 from hil.core.model import ArmModel
 from hil.core.motion.executive import MotionExecutive, Phase
 from hil.core.motion.flange_limit import FlangeLimit
@@ -34,6 +34,8 @@ STOPPED_THERE: Final = "the robot side is stopped"
 NO_COMMANDS: Final = "the robot side takes no commands any more"
 MOVED_RAD: Final = 2e-3
 """How far an arm may be off a paused motion that goes on with drives that were dropped meanwhile. Ours."""
+_FIGURES: Final = str.maketrans("", "", "0123456789.+-")
+"""A reason whose figures alone changed is the same one."""
 
 
 class Supervisor:
@@ -255,6 +257,9 @@ class Supervisor:
     def _note_condition(self, before: RobotSideCondition, now: RobotSideCondition, now_ns: int) -> None:
         """Follow what the robot side says of itself: its selector, its stops, its failures."""
         self._ran_under = None
+        # A failure is told as the stop that it is.
+        if not now.failure and now.reason.translate(_FIGURES) != before.reason.translate(_FIGURES):
+            self._emit(RobotSideChanged(now_ns, now.reason))
         mode = now.operation_mode
         if mode is not None and mode is not self._operator.mode:
             fault = self._operator.select(mode, moving=not self._motion.at_rest)

@@ -1,0 +1,160 @@
+"""The suite of all backends finds what is wrong: each of these is caught by the test that is about it."""
+
+import itertools
+from collections.abc import Callable
+
+import pytest
+
+from backends.contract import DrivesContract, PeerContract
+from backends.ideal import IdealBackend
+from backends.rig import InProcessRig, Rig
+from backends.robots import load_description
+from hil.clock import elapsed_ns
+from hil.values.arm import AT_WORK, ArmState, Capabilities, JointCommand, RobotSideCondition, seven
+from hil.values.robot import RobotDescription
+from tools.conformance.simulated_drives import SimulatedDrivesRig
+
+DESCRIPTION = load_description("lbr-iiwa-7-r800")
+
+
+class MovesOnOpen(IdealBackend):
+    def _open(self, period_ns: int) -> None:
+        super()._open(period_ns)
+        self._next = JointCommand(seven([value + 0.01 for value in self._position]), (0.0,) * 7)
+
+
+class OpensTwice(IdealBackend):
+    def open(self, *, period_ns: int) -> None:
+        self._period_ns = None
+        super().open(period_ns=period_ns)
+
+
+class WorksWhenClosed(IdealBackend):
+    def _require_open(self, what: str) -> int:
+        return self._period_ns or 1_000_000
+
+
+class TakesEveryPeriod(IdealBackend):
+    def open(self, *, period_ns: int) -> None:
+        super().open(period_ns=max(1, period_ns // 1_000_000) * 1_000_000)
+
+
+class TakesTorquesItHasNot(IdealBackend):
+    def write(self, command: JointCommand) -> None:
+        super().write(command._replace(torque_nm=None))
+
+
+class PromisesPushes(IdealBackend):
+    @property
+    def capabilities(self) -> Capabilities:
+        import dataclasses
+
+        return dataclasses.replace(super().capabilities, can_be_pushed=True)
+
+
+class ChangesItsMind(IdealBackend):
+    @property
+    def capabilities(self) -> Capabilities:
+        import dataclasses
+
+        return dataclasses.replace(super().capabilities, takes_torque=self._period_ns is not None)
+
+
+class SampleStands(IdealBackend):
+    def _read(self) -> ArmState:
+        return super()._read()._replace(sample=1)
+
+
+class NewConditions(IdealBackend):
+    def condition(self) -> RobotSideCondition:
+        return AT_WORK._replace()
+
+
+class Lags(IdealBackend):
+    def _write(self, command: JointCommand) -> None:
+        half = [
+            0.5 * (here + there) for here, there in zip(self._position, DESCRIPTION.initial_position_rad, strict=True)
+        ]
+        super()._write(command._replace(position_rad=seven(half)))
+
+
+class Trembles(IdealBackend):
+    sign = itertools.cycle((1.0, -1.0))
+
+    def _step(self) -> None:
+        super()._step()
+        self._position = seven([value + next(self.sign) * 1e-3 for value in self._position])
+
+
+class FallsWithoutDrives(IdealBackend):
+    def _step(self) -> None:
+        super()._step()
+        if self._braked:
+            self._position = seven([value + 1e-3 for value in self._position])
+
+
+class JumpsWhenDrivesComeBack(IdealBackend):
+    def _release_brakes(self) -> None:
+        super()._release_brakes()
+        if self._period_ns is not None:
+            self._position = seven([value + 0.01 for value in self._position])
+
+
+def suite(make: Callable[[RobotDescription], IdealBackend]) -> DrivesContract:
+    class Suite(DrivesContract):
+        def make_rig(self) -> Rig:
+            return InProcessRig(make(DESCRIPTION))
+
+    Suite.elapsed_ns = staticmethod(elapsed_ns)
+    return Suite()
+
+
+@pytest.mark.parametrize(
+    ("broken", "test"),
+    [
+        (MovesOnOpen, "open_moves_nothing"),
+        (OpensTwice, "open_is_idempotent"),
+        (WorksWhenClosed, "nothing_works_before_open_and_after_close"),
+        (TakesEveryPeriod, "a_period_that_cannot_be_kept_is_refused_in_words"),
+        (TakesTorquesItHasNot, "a_torque_is_taken_or_refused_in_words"),
+        (PromisesPushes, "a_push_is_taken_or_refused_in_words"),
+        (ChangesItsMind, "capabilities_are_told_once_and_for_all"),
+        (SampleStands, "a_measurement_is_known_by_its_sample"),
+        (NewConditions, "the_condition_is_the_same_object_while_nothing_changed"),
+        (Lags, "it_follows_a_ramp"),
+        (Trembles, "it_holds_still"),
+        (FallsWithoutDrives, "dropped_drives_stop_the_arm_and_hold_it"),
+        (JumpsWhenDrivesComeBack, "drives_that_come_back_hold_the_arm_without_a_jump"),
+    ],
+)
+def test_a_broken_backend_is_caught(broken: type[IdealBackend], test: str) -> None:
+    getattr(suite(IdealBackend), f"test_{test}")()
+    with pytest.raises((AssertionError, Exception)):
+        getattr(suite(broken), f"test_{test}")()
+
+
+def test_a_part_of_the_suite_that_is_left_out_is_missed() -> None:
+    class Forgetful(DrivesContract):
+        def make_rig(self) -> Rig:
+            return SimulatedDrivesRig(DESCRIPTION)
+
+    with pytest.raises(AssertionError):
+        Forgetful().test_all_that_applies_is_tested()
+
+
+def test_a_robot_side_that_resumes_by_itself_is_caught() -> None:
+    class Eager(SimulatedDrivesRig):
+        def restore_peer(self) -> None:
+            super().restore_peer()
+            self.backend.resume()
+
+    class Suite(DrivesContract, PeerContract):
+        period_ns = 4_000_000
+        far_rad = 0.1
+
+        def make_rig(self) -> Rig:
+            return Eager(DESCRIPTION)
+
+    Suite.elapsed_ns = staticmethod(elapsed_ns)
+    with pytest.raises(AssertionError):
+        Suite().test_it_moves_again_only_when_it_is_told_to()
