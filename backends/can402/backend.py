@@ -115,10 +115,12 @@ class Can402Backend:
         return self._measured
 
     def write(self, command: JointCommand) -> None:
-        """Take the set point of this cycle; raise :class:`BackendError` for a torque."""
+        """Take the set point of this cycle; raise :class:`BackendError` for a torque or an overlay."""
         self._require_open("write")
         if command.torque_nm is not None:
             raise BackendError("Can402Backend takes no torque commands: the drives are in cyclic synchronous position")
+        if command.overlay is not None:
+            raise BackendError("Can402Backend passes no overlays on: the drives are in cyclic synchronous position")
         if self._condition.takes_commands:
             self._target = [
                 drive.scale.counts(position) for drive, position in zip(self._drives, command.position_rad, strict=True)
