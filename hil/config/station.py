@@ -267,9 +267,7 @@ class Station(_Model):
     tcp_probe: Annotated[
         TcpProbeConfig | None, Field(description="responder for hil doctor tcp; leave the section out for none")
     ] = None
-    object: Annotated[
-        tuple[ObjectConfig, ...], Field(max_length=64, description="what simulated arms can touch")
-    ] = ()
+    object: Annotated[tuple[ObjectConfig, ...], Field(max_length=64, description="what simulated arms can touch")] = ()
     robot: Annotated[list[RobotConfig], Field(min_length=1, max_length=16, description="the robots")]
 
     def surroundings(self) -> Surroundings:

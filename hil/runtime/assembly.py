@@ -63,9 +63,7 @@ def robot_description(config: RobotConfig) -> RobotDescription:
     return config.limits.tighten(load_description(config.model))
 
 
-def backend_of(
-    config: RobotConfig, description: RobotDescription, surroundings: Surroundings | None = None
-) -> Backend:
+def backend_of(config: RobotConfig, description: RobotDescription, surroundings: Surroundings | None = None) -> Backend:
     """Return the robot side a configuration names, not yet open; without ``surroundings`` it stands alone.
 
     Raises :class:`UnknownName` or :class:`ConfigurationError`.

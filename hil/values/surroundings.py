@@ -63,5 +63,3 @@ class Surroundings:
     arms: tuple[SceneArm, ...] = ()
     shared: dict[str, object] = field(default_factory=dict)
     """What backends of one station share, by a name of their own; empty at the start."""
-
-
