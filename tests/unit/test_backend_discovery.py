@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -177,5 +178,5 @@ def test_the_test_kit_runs_with_it_by_a_station_file(tmp_path: Path) -> None:
 
 
 def test_options_of_a_closer_mark_are_laid_over_those_of_a_farther_one() -> None:
-    marks = [((), {"options": {"fold": 2}}), ((), {"backend": "paper", "options": {"fold": 1, "sheet": "A4"}})]
+    marks: list[tuple[tuple[()], dict[str, Any]]] = [((), {"options": {"fold": 2}}), ((), {"backend": "paper", "options": {"fold": 1, "sheet": "A4"}})]
     assert configuration(marks, folders=[]).robot.options == {"fold": 2, "sheet": "A4"}
