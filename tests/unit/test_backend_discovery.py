@@ -178,5 +178,16 @@ def test_the_test_kit_runs_with_it_by_a_station_file(tmp_path: Path) -> None:
 
 
 def test_options_of_a_closer_mark_are_laid_over_those_of_a_farther_one() -> None:
-    marks: list[tuple[tuple[()], dict[str, Any]]] = [((), {"options": {"fold": 2}}), ((), {"backend": "paper", "options": {"fold": 1, "sheet": "A4"}})]
+    marks: list[tuple[tuple[()], dict[str, Any]]] = [
+        ((), {"options": {"fold": 2}}),
+        ((), {"backend": "paper", "options": {"fold": 1, "sheet": "A4"}}),
+    ]
     assert configuration(marks, folders=[]).robot.options == {"fold": 2, "sheet": "A4"}
+
+
+def test_drives_on_a_can_bus_without_their_libraries_name_the_extra_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("backends.registry.find_spec", lambda module: None if module in {"can", "canopen"} else module)
+    ran = cli("run", "--backend", "can402", "--duration", 1, "--servo", "off", "--pad", "off")
+    sentence = "the backend 'can402' needs more than is installed: pip install 'fri-hil[can]'"
+    assert (ran.code, ran.err.splitlines()[-1]) == (2, f"hil: {sentence}")
+    assert "needs more than is installed: pip install 'fri-hil[can]'" in cli("backends", "can402").out
