@@ -38,6 +38,8 @@ class Drive:
         self._seen = [False, False]
         self._owed = [0, 0]
         """SYNCs without an answer less answers without a SYNC: an answer may be late."""
+        self._takes_part = False
+        """Whether it has answered a SYNC since it was set up."""
         self._reset = False
         self._resetting = 0
         """SYNCs that it may still take to leave its fault."""
@@ -47,6 +49,7 @@ class Drive:
         self.state, self.counts, self.counts_per_s = power_state(status_word), counts, 0
         self.unanswered, self.left, self.error_code = 0, "", 0
         self._seen, self._owed = [False, False], [0, 0]
+        self._takes_part = False
 
     def synchronised(self) -> None:
         """A SYNC goes out."""
@@ -61,6 +64,7 @@ class Drive:
     def count_silence(self) -> None:
         """The cycle is over."""
         self.unanswered = 0 if self.answered else self.unanswered + 1
+        self._takes_part = self._takes_part or self.answered
         self._resetting = max(0, self._resetting - 1) if self.state in _FAULTS else 0
 
     def answer(self, part: int, data: bytes) -> str:
@@ -90,7 +94,8 @@ class Drive:
     def heartbeat(self, data: bytes) -> None:
         """Take a heartbeat, or an answer to node guarding."""
         state = data[0] & 0x7F if data else -1
-        if state != _OPERATIONAL:
+        # What was said before it took part may come late.
+        if state != _OPERATIONAL and self._takes_part:
             self.left = f"{self.name} is {_NMT_STATES.get(state, f'in NMT state {state}')}"
 
     def failure(self) -> str:
