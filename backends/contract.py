@@ -36,6 +36,8 @@ class BackendContract(ABC):
     period_ns = 1_000_000
     still_rad = 1e-4
     """How far an arm that is held may be off."""
+    still_rad_s = 1e-2
+    """How fast an arm that is held may be, as it is measured."""
     tracking_rad = 2e-3
     """How far an arm may be behind its set point at 0.1 rad/s on all axes."""
     far_rad = 0.3
@@ -156,10 +158,10 @@ class BackendContract(ABC):
     def test_it_holds_still(self) -> None:
         with self.opened() as rig:
             start = rig.backend.read().position_rad
-            for _ in range(300):
+            for _ in range(math.ceil(1e9 / self.period_ns)):
                 state = rig.cycle(JointCommand(start, STILL))
-            assert _distance(state.position_rad, start) <= self.still_rad
-            assert max(map(abs, state.velocity_rad_s)) <= 1e-2
+                assert _distance(state.position_rad, start) <= self.still_rad
+            assert max(map(abs, state.velocity_rad_s)) <= self.still_rad_s
 
     def test_it_follows_a_ramp(self) -> None:
         with self.opened() as rig:
@@ -278,6 +280,13 @@ class BackendContract(ABC):
 class DrivesContract(BackendContract):
     """What holds where the drives can be dropped from here."""
 
+    def test_drives_are_switched_only_while_it_is_open(self) -> None:
+        rig = self.make_rig()
+        _no_drives(rig)
+        rig.open(period_ns=self.period_ns)
+        rig.close()
+        _no_drives(rig)
+
     def test_dropped_drives_stop_the_arm_and_hold_it(self) -> None:
         with self.opened() as rig:
             self.ramp(rig, 100)
@@ -374,6 +383,11 @@ def _nothing_works(rig: Rig) -> None:
     backend = rig.backend
     for call in (backend.read, backend.step, lambda: backend.write(JointCommand(STILL, STILL))):
         _refuses(call, "not open")
+
+
+def _no_drives(rig: Rig) -> None:
+    for on in (True, False):
+        _refuses(lambda on=on: rig.backend.switch_drives(on=on), "not open")  # type: ignore[misc]
 
 
 def _refuses(call: Callable[[], object], word: str) -> None:

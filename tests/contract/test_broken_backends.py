@@ -171,6 +171,7 @@ def suite(make: Callable[[RobotDescription], IdealBackend]) -> DrivesContract:
     [
         (MovesOnOpen, "open_moves_nothing"),
         (OpensTwice, "open_is_idempotent"),
+        (WorksWhenClosed, "drives_are_switched_only_while_it_is_open"),
         (WorksWhenClosed, "nothing_works_before_open_and_after_close"),
         (TakesEveryPeriod, "a_period_that_cannot_be_kept_is_refused_in_words"),
         (TakesTorquesItHasNot, "a_torque_is_taken_or_refused_in_words"),
@@ -200,6 +201,12 @@ def test_a_broken_backend_is_caught(broken: type[IdealBackend], test: str) -> No
     # By an assertion of the suite: what the broken one raises by mistake would be no proof.
     with pytest.raises(AssertionError):
         getattr(suite(broken), f"test_{test}")()
+
+
+def test_who_subclasses_the_suite_sees_the_values() -> None:
+    # Of a module that is no test file, pytest shows them only where the plugin of the test kit asked for it.
+    with pytest.raises(AssertionError, match=r"assert 0\.0\d+ <= 0\.002"):
+        suite(Lags).test_it_follows_a_ramp()
 
 
 def test_a_read_that_waits_is_caught() -> None:

@@ -2,12 +2,16 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from backends.installed import installed_backend
 from backends.registry import backend_names, check_backend, load_plugin, make_backend
 from backends.robots import load_description
+from hil.client.servo import PTP, ServoClient
+from hil.testkit import VirtualController
+from hil.testkit._configuration import configuration
 from hil.values.backend import BackendRequest
 from hil.values.errors import ConfigurationError, UnknownName
 from tests.support.cli import cli
@@ -160,3 +164,30 @@ def test_hil_backends_of_one_shows_its_options() -> None:
     assert hungry.code == 0
     assert "pip install 'paper[arm]', apt install nor" in hungry.out
     assert "joints" not in hungry.out
+
+
+@pytest.mark.usefixtures("paper")
+def test_the_test_kit_runs_with_it_by_a_station_file(tmp_path: Path) -> None:
+    (tmp_path / "station.toml").write_text("[[robot]]\nbackend = 'paper'\n[robot.servo]\n")
+    chosen = configuration([(("station.toml",), {})], folders=[tmp_path])
+    controller = VirtualController(chosen.robot)
+    with controller.active(), ServoClient("10.0.0.1:30300") as application:
+        start = application.read_state().measured_position
+        application.move(PTP((start[0] + 0.1, *start[1:])))
+        assert controller.measured_position_rad == pytest.approx((start[0] + 0.1, *start[1:]), abs=1e-6)
+
+
+def test_options_of_a_closer_mark_are_laid_over_those_of_a_farther_one() -> None:
+    marks: list[tuple[tuple[()], dict[str, Any]]] = [
+        ((), {"options": {"fold": 2}}),
+        ((), {"backend": "paper", "options": {"fold": 1, "sheet": "A4"}}),
+    ]
+    assert configuration(marks, folders=[]).robot.options == {"fold": 2, "sheet": "A4"}
+
+
+def test_drives_on_a_can_bus_without_their_libraries_name_the_extra_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("backends.registry.find_spec", lambda module: None if module in {"can", "canopen"} else module)
+    ran = cli("run", "--backend", "can402", "--duration", 1, "--servo", "off", "--pad", "off")
+    sentence = "the backend 'can402' needs more than is installed: pip install 'fri-hil[can]'"
+    assert (ran.code, ran.err.splitlines()[-1]) == (2, f"hil: {sentence}")
+    assert "needs more than is installed: pip install 'fri-hil[can]'" in cli("backends", "can402").out

@@ -73,10 +73,11 @@ class ElasticArm(InProcessBackend):
             target = motor if self._braked else self._told_rad[joint]
             motor_rate = (target - motor) / (self._steps * step_s)
             for _ in range(self._steps):
-                motor += motor_rate * step_s
-                # First the rate, then the place with the new rate: a swing keeps its energy but for the damper.
+                # Motor and link of one time, else the link runs a step ahead of its motor. First the rate, then the
+                # place with the new rate: a swing keeps its energy but for the damper.
                 rate += (self._spring * (motor - link) + self._damper * (motor_rate - rate)) * step_s
                 link += rate * step_s
+                motor += motor_rate * step_s
             self._motor_rad[joint], self._link_rad[joint], self._link_rad_s[joint] = target, link, rate
 
     def _apply_brakes(self) -> None:

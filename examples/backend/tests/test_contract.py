@@ -29,6 +29,15 @@ class TestElasticAt4MsAndSoft(TestElastic):
     options: Mapping[str, object] = {"frequency_hz": 6, "damping_ratio": 1.0}
 
 
+@pytest.mark.parametrize("period_ns", [1_000_000, 4_000_000])
+def test_on_a_steady_ramp_the_link_is_neither_behind_its_motor_nor_ahead(period_ns: int) -> None:
+    suite = TestElastic()
+    suite.period_ns = period_ns
+    with suite.opened() as rig:
+        told, state = suite.ramp(rig, 400)
+        assert state.position_rad == pytest.approx(told, abs=1e-6)
+
+
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [

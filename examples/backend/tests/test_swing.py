@@ -22,7 +22,7 @@ def swing_rad(controller: VirtualController) -> float:
     return farthest
 
 
-@pytest.mark.hil(options={"frequency_hz": 3, "damping_ratio": 0.1})
+@pytest.mark.hil("station.toml", options={"frequency_hz": 3, "damping_ratio": 0.1})
 def test_soft_joints_swing_after_the_motion(hil_controller: VirtualController) -> None:
     assert swing_rad(hil_controller) > 2e-3
 
