@@ -56,7 +56,7 @@ MUJOCO = BackendPlugin(
     check_options=_check_mujoco,
     options_help={
         "scene": "own MJCF file of the world the arm stands in, at [robot.base]; arms and objects are put into it",
-        "world": "name of a world; robots with the same name stand in it together, and can touch each other",
+        "world": "name of a world; robots that name the same, or none, stand together where there is a scene",
     },
     needs={"mujoco": "pip install mujoco"},
 )

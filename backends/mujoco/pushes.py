@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from hil.values.arm import Push
-from hil.values.robot import JOINT_COUNT
+from hil.values.robot import JOINT_COUNT, Three
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -17,8 +17,16 @@ _FLANGE = "flange"
 class Pushes:
     """At most one push at a time; its force goes along with the link it pushes, its direction does not turn."""
 
-    def __init__(self, model: "mujoco.MjModel", data: "mujoco.MjData", *, prefix: str = "") -> None:
+    def __init__(
+        self,
+        model: "mujoco.MjModel",
+        data: "mujoco.MjData",
+        *,
+        prefix: str = "",
+        base_in_world: "NDArray[np.float64] | None" = None,
+    ) -> None:
         self._data = data
+        self._base_in_world = base_in_world
         self._bodies = [model.body(f"{prefix}link_{link}").id for link in range(1, JOINT_COUNT + 1)]
         self._flange = model.site(prefix + _FLANGE).id
         self._body = 0
@@ -48,8 +56,15 @@ class Pushes:
         self._steps_left -= 1
         # MuJoCo takes what is applied at the body's centre of mass.
         x, y, z = (self._at - self._data.xipos[self._body]).tolist()
-        (fx, fy, fz), (mx, my, mz) = push.force_n, push.moment_nm
+        (fx, fy, fz), (mx, my, mz) = self._in_world(push.force_n), self._in_world(push.moment_nm)
         self._data.xfrc_applied[self._body] = (
             *(fx, fy, fz),
             *(mx + y * fz - z * fy, my + z * fx - x * fz, mz + x * fy - y * fx),
         )
+
+    def _in_world(self, in_base: Three) -> Three:
+        turn = self._base_in_world
+        if turn is None:
+            return in_base
+        x, y, z = (turn @ in_base).tolist()
+        return x, y, z

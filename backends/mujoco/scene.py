@@ -5,13 +5,15 @@ capsule, and a mounted tool a rod to each of its frames. An arm does not collide
 """
 
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import mujoco
 
 from backends.mujoco.load import hang
 from backends.robots import mjcf_path
+from backends.robots.facts import GRAVITY_M_S2
 from hil.values.errors import ConfigurationError
+from hil.values.pose import Pose
 from hil.values.robot import JOINT_COUNT, Three
 from hil.values.surroundings import SceneArm, SceneObject, Shape
 
@@ -23,7 +25,13 @@ _TOOL_RADIUS_M: Final = 0.01
 _SHORTEST_TOOL_M: Final = 1e-3
 _GROUP: Final = 3
 """Geoms that are there to collide; a viewer hides them."""
+_SHOWN_GROUP: Final = 2
 _OBJECT_BIT: Final = 1 << 30
+_GRAVITY: Final = (0.0, 0.0, -GRAVITY_M_S2)
+_UP: Final = Pose(0.0, 0.0, 1.0)
+_UPRIGHT: Final = 1.0 - 1e-9
+_ARM_FRICTION: Final = (0.1, 0.005, 0.0001)
+"""Little, because MuJoCo takes the larger of two: so it is the object's that counts."""
 _ALL_BITS: Final = (1 << 31) - 1
 _MOST_ARMS: Final = 16
 _TYPES: Final = {
@@ -47,6 +55,12 @@ def build(arms: tuple[SceneArm, ...], objects: tuple[SceneObject, ...], *, scene
     if len(arms) > _MOST_ARMS:
         raise ConfigurationError(f"{len(arms)} arms in one MuJoCo world, {_MOST_ARMS} at most")
     spec = _world(scene)
+    gravity = tuple(map(float, spec.option.gravity))
+    if gravity != _GRAVITY:
+        raise ConfigurationError(
+            f"the scene file {scene} has the gravity {gravity}, and these arms know {_GRAVITY} m/s2 alone"
+        )
+    spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     spec.option.timestep = STEP_S
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     try:
@@ -76,7 +90,13 @@ def _world(scene: Path | None) -> "mujoco.MjSpec":
 
 def _attach(spec: "mujoco.MjSpec", arm: SceneArm, number: int) -> None:
     robot = mujoco.MjSpec.from_file(str(mjcf_path(arm.model)))
-    bits = {"contype": 2 << number, "conaffinity": _ALL_BITS ^ (2 << number), "group": _GROUP, "mass": 0.0}
+    bits: dict[str, Any] = {
+        "contype": 2 << number,
+        "conaffinity": _ALL_BITS ^ (2 << number),
+        "group": _GROUP,
+        "mass": 0.0,
+        "friction": _ARM_FRICTION,
+    }
     bodies = [robot.body(f"link_{link}") for link in range(1, JOINT_COUNT + 1)]
     ends = [*(body.pos[2] for body in bodies), robot.site("flange").pos[2]]
     for body, radius, length in zip(
@@ -93,14 +113,19 @@ def _attach(spec: "mujoco.MjSpec", arm: SceneArm, number: int) -> None:
     )
     for x, y, z in arm.touches_m:
         if max(abs(x), abs(y), abs(z)) > _SHORTEST_TOOL_M:
-            _capsule(bodies[-1], _TOOL_RADIUS_M, (x, y, flange + z), bits, begin=(0.0, 0.0, flange))
+            rod = {**bits, "group": _SHOWN_GROUP}
+            _capsule(bodies[-1], _TOOL_RADIUS_M, (x, y, flange + z), rod, begin=(0.0, 0.0, flange))
     pose = arm.base_in_world
+    if (pose @ _UP).z_m - pose.z_m < _UPRIGHT:
+        raise ConfigurationError(
+            f"the base of {arm.name} leans: in a scene an arm stands upright, b_deg and c_deg are 0"
+        )
     frame = spec.worldbody.add_frame(pos=pose.position_m, quat=pose.quaternion_wxyz())
     spec.attach(robot, prefix=prefix_of(arm.name), frame=frame)
 
 
 def _capsule(
-    body: "mujoco.MjsBody", radius_m: float, end_m: Three, bits: dict[str, float], *, begin: Three = (0.0, 0.0, 0.0)
+    body: "mujoco.MjsBody", radius_m: float, end_m: Three, bits: dict[str, Any], *, begin: Three = (0.0, 0.0, 0.0)
 ) -> None:
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=(*begin, *end_m), size=(radius_m, 0.0, 0.0), **bits)
 

@@ -1,11 +1,18 @@
 """The MuJoCo arm in a scene: with others, and with what can be touched."""
 
+from typing import Final
+
 from backends.mujoco.backend import MujocoBackend
+from backends.mujoco.pushes import Pushes
 from backends.mujoco.scene import prefix_of
 from backends.mujoco.torque_sensors import TorqueSensors
 from backends.mujoco.world import World
 from hil.values.arm import ArmState
 from hil.values.backend import BackendRequest
+from hil.values.errors import ConfigurationError
+
+DEEPEST_M: Final = 1e-3
+"""How far two bodies may overlap when an arm begins."""
 
 
 class SceneArm(MujocoBackend):
@@ -16,7 +23,10 @@ class SceneArm(MujocoBackend):
         self.name = request.robot
         self._world = world
         self._sensors = TorqueSensors(seed=request.seed, noise=request.torque_noise)
-        self._take_place(world.model, world.data, request.description, prefix=prefix_of(self.name))
+        prefix = prefix_of(self.name)
+        self._take_place(world.model, world.data, request.description, prefix=prefix)
+        turn = request.base_in_world.homogeneous()[:3, :3]
+        self._pushes = Pushes(world.model, world.data, prefix=prefix, base_in_world=turn)
 
     def drive(self, share: float) -> None:
         """Give the motors what they give after ``share`` of the cycle."""
@@ -41,7 +51,23 @@ class SceneArm(MujocoBackend):
 
     def _open(self, period_ns: int) -> None:
         self._world.enter(self, period_ns=period_ns)
-        super()._open(period_ns)
+        try:
+            super()._open(period_ns)
+            self._refuse_overlap()
+        except BaseException:
+            self._world.leave(self)
+            raise
+
+    def _refuse_overlap(self) -> None:
+        """Nothing may stand where the arm begins: MuJoCo would throw it out."""
+        model, prefix = self._model, prefix_of(self.name)
+        for contact in self._data.contact[: self._data.ncon]:
+            bodies = [model.body(int(model.geom_bodyid[geom])).name for geom in contact.geom]
+            if contact.dist < -DEEPEST_M and any(name.startswith(prefix) for name in bodies):
+                raise ConfigurationError(
+                    f"{bodies[0]} and {bodies[1]} overlap by {-1e3 * contact.dist:.1f} mm where {self.name} begins: "
+                    f"move one of them"
+                )
 
     def _read(self) -> ArmState:
         return super()._read()._replace(sample=self._world.cycles)

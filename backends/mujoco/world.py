@@ -1,11 +1,12 @@
 """One MuJoCo world that several arms share, stepped once a cycle for all of them.
 
 Each arm is driven by a controller of its own, whose cycles have a phase of their own. The world goes on when every open
-arm has stepped, or when one steps again while others have not: those missed their cycle, and hold what they were told
-last. So nobody stops the world, and the same calls in the same order give the same bytes.
+arm has stepped, or when one is a whole cycle ahead: the others missed theirs, and hold what they were told last. An arm
+that catches up steps into cycles that are over, and moves no time. So nobody stops the world, nobody makes it run, and
+the same calls in the same order give the same bytes.
 """
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 import mujoco
 
@@ -16,6 +17,10 @@ from hil.values.errors import BackendError, ConfigurationError
 
 if TYPE_CHECKING:
     from hil.values.surroundings import SceneArm
+
+
+MOST_CYCLES_BEHIND: Final = 20
+"""An arm that is further behind does not catch up; the shell runs no more missed cycles at once either."""
 
 
 class Inhabitant(Protocol):
@@ -40,34 +45,41 @@ class World:
         self.cycles = 0
         self._period_ns: int | None = None
         self._inhabitants: list[Inhabitant] = []
-        self._stepped: set[str] = set()
+        self._stepped: dict[str, int] = {}
+        """Cycles of each open arm, on the count of :attr:`cycles`."""
+        self._failed = ""
 
     def enter(self, arm: Inhabitant, *, period_ns: int) -> None:
         """An arm is opened; raise :class:`ConfigurationError` for another cycle than the others have."""
         if self._inhabitants and period_ns != self._period_ns:
             raise ConfigurationError(
                 f"{arm.name} has a control cycle of {period_ns / 1e6:g} ms, and the others in its MuJoCo world have "
-                f"{(self._period_ns or 0) / 1e6:g} ms: set cycle_ms to the same"
+                f"{(self._period_ns or 0) / 1e6:g} ms: set cycle_ms to the same, or name another world for it"
             )
         self._period_ns = period_ns
         self._inhabitants.append(arm)
+        self._stepped[arm.name] = self.cycles
 
     def leave(self, arm: Inhabitant) -> None:
         """An arm is closed; it holds on with its motors as they are."""
         if arm in self._inhabitants:
             self._inhabitants.remove(arm)
-            self._stepped.discard(arm.name)
+            del self._stepped[arm.name]
 
     def step(self, arm: Inhabitant) -> None:
-        """A cycle of ``arm`` is over; let the world go on if it is its turn."""
-        if arm.name in self._stepped:
-            self._advance()
-        self._stepped.add(arm.name)
-        if len(self._stepped) == len(self._inhabitants):
+        """A cycle of ``arm`` is over; let the world go on as far as it should be by now."""
+        if self._failed:
+            raise BackendError(self._failed)
+        stepped = self._stepped
+        stepped[arm.name] += 1
+        latest = max(stepped.values())
+        for name, count in stepped.items():
+            if latest - count > MOST_CYCLES_BEHIND:
+                stepped[name] = latest
+        while self.cycles < max(min(stepped.values()), latest - 1):
             self._advance()
 
     def _advance(self) -> None:
-        self._stepped.clear()
         steps = round((self._period_ns or 0) * 1e-9 / STEP_S)
         before = self.data.time
         for index in range(steps):
@@ -77,30 +89,35 @@ class World:
             mujoco.mj_step2(self.model, self.data)
         # MuJoCo answers a diverged state by starting over at time zero.
         if self.data.time < before:
-            raise BackendError(f"MuJoCo diverged at simulation time {before:.3f} s")
+            self._failed = f"MuJoCo diverged at simulation time {before:.3f} s"
+            raise BackendError(self._failed)
         self.cycles += 1
         for arm in self._inhabitants:
             arm.stepped()
 
 
 def world_of(request: BackendRequest, options: MujocoOptions) -> World:
-    """Return the world an arm stands in: that of all robots with the same ``world``, or one of its own."""
+    """Return the world an arm stands in: that of all robots with the same ``world``, named or not."""
     surroundings = request.surroundings
-    key = f"mujoco world {options.world}" if options.world is not None else f"mujoco alone {request.robot}"
+    key = f"mujoco world {options.world or ''}"
     world = surroundings.shared.get(key)
     if world is None:
-        arms = tuple(arm for arm in surroundings.arms if _together(arm, request.robot, options.world))
+        crowded = bool(surroundings.objects)
+        arms = tuple(arm for arm in surroundings.arms if _stands_in(arm, options.world, crowded=crowded))
         world = World(build(arms, surroundings.objects, scene=options.scene), scene=options.scene)
         surroundings.shared[key] = world
     if not isinstance(world, World):
         raise ConfigurationError(f"{request.robot}: {key!r} is no MuJoCo world")
     if world.scene != options.scene:
         raise ConfigurationError(
-            f"{request.robot} names the scene {options.scene}, and the others in the world {options.world!r} "
-            f"{world.scene}: all of them name the same"
+            f"{request.robot} names the scene {options.scene}, and the others in its MuJoCo world {world.scene}: "
+            f"all of them name the same, or each names a world of its own"
         )
     return world
 
 
-def _together(arm: "SceneArm", robot: str, world: str | None) -> bool:
-    return arm.name == robot if world is None else arm.backend == "mujoco" and arm.options.get("world") == world
+def _stands_in(arm: "SceneArm", world: str | None, *, crowded: bool) -> bool:
+    """Whether an arm stands in ``world``; in that without a name are those that have something to touch."""
+    if arm.backend != "mujoco" or arm.options.get("world") != world:
+        return False
+    return world is not None or crowded or arm.options.get("scene") is not None

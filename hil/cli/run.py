@@ -6,11 +6,13 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
+from hil.cli.shadow import DEFAULT_ROBOT
 from hil.config.control import ControlName
 from hil.config.station import Mode, Reaction, Station, load_station, parse_station
-from hil.values.errors import ConfigurationError
-from hil.values.fri import OverlayKind, Release
+from hil.values.errors import ConfigurationError, UnknownName
+from hil.values.fri import CLIENT_PORT, OverlayKind, Release
 from hil.values.tcp_probe import Behaviour
+from transport.udp import ANY_HOST
 
 _ENDPOINTS = ("client", "bind")
 """Options that name an address: they cannot hold for several robots at once."""
@@ -29,6 +31,9 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
         list[str] | None,
         typer.Option("--option", "-o", metavar="NAME=VALUE", help="Option of the backend, as often as needed."),
     ] = None,
+    shadow: Annotated[
+        bool, typer.Option("--shadow", help="With --backend cabinet: only watch and compare, as hil shadow does.")
+    ] = False,
     cycle_ms: Annotated[
         int | None, typer.Option("--cycle", metavar="MS", help="Control cycle: 1 (the default), 2, 4 or 5 ms.")
     ] = None,
@@ -93,6 +98,9 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
     realtime: Annotated[bool, typer.Option("--realtime", help="Ask for SCHED_FIFO, locked memory, a CPU.")] = False,
 ) -> None:
     """Serve FRI clients and servo applications. Ctrl-C brakes the arm, closes the sessions, and reports."""
+    if shadow:
+        _shadow(backend, backend_options(option or []), robot=robot, seconds=duration)
+        return
     overrides = {
         "model": robot,
         "backend": backend,
@@ -128,6 +136,28 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
     print_summary(result.status)
     if result.fault is not None:
         raise typer.Exit(1)
+
+
+def _shadow(backend: str | None, options: dict[str, Any], *, robot: str | None, seconds: float | None) -> None:
+    """Watch a Cabinet, beside an emulated arm."""
+    from hil.cli.shadow import shadow
+
+    if backend != "cabinet":
+        raise ConfigurationError(f"--shadow watches a Cabinet: it needs --backend cabinet, not {backend or 'mujoco'}")
+    unknown = set(options) - {"bind", "cabinet", "release", "connect_s"}
+    if unknown:
+        raise ConfigurationError(f"--shadow has no use for the option {min(unknown)!r}")
+    release = str(options.get("release", Release.V1_15))
+    if release not in [*Release]:
+        raise UnknownName("release", release, [*Release])
+    shadow(
+        bind=str(options.get("bind", f"{ANY_HOST}:{CLIENT_PORT}")),
+        cabinet=options.get("cabinet"),
+        fri_version=Release(release),
+        robot=robot or DEFAULT_ROBOT,
+        seconds=seconds,
+        connect_s=float(options.get("connect_s", 10.0)),
+    )
 
 
 def chosen_controls(station: Station) -> list[str]:

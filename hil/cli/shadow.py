@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tools.shadow.comparison import ShadowComparison
 
 _NOTHING = 1
-_DEFAULT_ROBOT = "lbr-iiwa-14-r820"
+DEFAULT_ROBOT = "lbr-iiwa-14-r820"
 
 
 def shadow(  # noqa: PLR0917  # typer makes the options of the parameters; nobody calls this with positions
@@ -36,7 +36,7 @@ def shadow(  # noqa: PLR0917  # typer makes the options of the parameters; nobod
     fri_version: Annotated[
         Release | None, typer.Option(help="Release of FRI; live 1.15 is the default, a capture shows what it is.")
     ] = None,
-    robot: Annotated[str, typer.Option(help="Robot model.")] = _DEFAULT_ROBOT,
+    robot: Annotated[str, typer.Option(help="Robot model.")] = DEFAULT_ROBOT,
     seconds: Annotated[
         float | None, typer.Option(min=0.1, help="Live: how long to watch; until Ctrl-C unless given.")
     ] = None,

@@ -7,6 +7,7 @@ from functools import partial
 from typing import Protocol
 from zlib import crc32
 
+from backends.registry import load_plugin
 from hil.config.station import RobotConfig
 from hil.core.controller import FRI_LINK, ROBOT_SIDE_LINK, Controller
 from hil.core.servo.link import SERVO_LINK
@@ -17,7 +18,7 @@ from hil.runtime.assembly import RobotParts, make_controller, open_parts, tell_f
 from hil.runtime.capture_header import CaptureHeader, RobotStart
 from hil.runtime.pad_requests import read_request
 from hil.values.arm import PeerBackend
-from hil.values.errors import BackendError, MalformedDatagram
+from hil.values.errors import BackendError, MalformedDatagram, UsageError
 from hil.values.link import Address, Outgoing, Source
 from transport.capture.journal import (
     ActionEntry,
@@ -123,6 +124,11 @@ class ExactReplay:
 
     def _add(self, start: RobotStart, config: RobotConfig) -> None:
         """Make a robot's fresh controller."""
+        if not load_plugin(config.backend).replays:
+            raise UsageError(
+                f"{start.name} was recorded on the backend {config.backend}: what came from its robot side is not in "
+                f"the recording, so it cannot be replayed"
+            )
         parts = open_parts(config, surroundings=self._surroundings)
         try:
             if start.robot_side is not None:

@@ -130,6 +130,9 @@ def tell_why_not_own(header: CaptureHeader, file: Path, result: ReplayResult) ->
         result.note("the servo link needs the whole recording: only FRI is compared")
 
 
+_EMULATED: Final = frozenset({"mujoco", "ideal"})
+
+
 def _base_config(header: CaptureHeader | None, number: int, flow: Flow, wish: Wish) -> RobotConfig:
     config = RobotConfig()
     if header is not None:
@@ -142,6 +145,9 @@ def _base_config(header: CaptureHeader | None, number: int, flow: Flow, wish: Wi
             config = own[0]
         elif number < len(header.station.robot):
             config = header.config(number)
+    if config.backend not in _EMULATED:
+        # The emulator beside a recording is simulated, whatever the recording was of.
+        config = config.model_copy(update={"backend": "mujoco", "options": {}})
     return config if wish.model is None else config.model_copy(update={"model": wish.model})
 
 

@@ -100,11 +100,16 @@ def make_servo_codec(config: ServoConfig) -> ServoCodec:
 
 
 def open_parts(
-    config: RobotConfig, *, initial_position_rad: Seven | None = None, surroundings: Surroundings | None = None
+    config: RobotConfig,
+    *,
+    initial_position_rad: Seven | None = None,
+    surroundings: Surroundings | None = None,
+    live: bool = False,
 ) -> RobotParts:
     """Load a robot's models and open its backend, which the caller closes; the arm begins as described, or there.
 
-    ``surroundings`` are those of its station, the same object for all its robots.
+    ``surroundings`` are those of its station, the same object for all its robots. Only a ``live`` run may move real
+    drives: in a replay, a bench or a test time goes as it likes.
 
     Raises :class:`ConfigurationError`, :class:`UnknownName` or :class:`BackendError`.
     """
@@ -113,6 +118,10 @@ def open_parts(
         description = replace(description, initial_position_rad=initial_position_rad)
     servo_codec = None if config.servo is None else make_servo_codec(config.servo)
     backend = backend_of(config, description, surroundings)
+    if backend.capabilities.moves_real_drives and not (live or backend.capabilities.paces_the_cycle):
+        raise ConfigurationError(
+            f"{config.name}: the backend {config.backend} moves real drives, and only hil run may: this is no live run"
+        )
     if backend.capabilities.moves_real_drives and (config.permissive or config.enabled):
         wish = "permissive" if config.permissive else "enabled"
         raise ConfigurationError(f"{config.name}: the backend {config.backend} moves real drives: never {wish}")

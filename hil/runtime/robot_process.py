@@ -152,7 +152,7 @@ class RobotProcess:
             self._ports[FRI_LINK] = self._fri_port
         if servo is not None:
             self._ports[SERVO_LINK] = ServoPort(await open_server_endpoint(servo))
-        self._parts = open_parts(self.config, surroundings=self._surroundings)
+        self._parts = open_parts(self.config, surroundings=self._surroundings, live=True)
         if isinstance(self._parts.backend, PeerBackend):
             await self._meet_robot_side(self._parts.backend)
 

@@ -6,12 +6,14 @@ import select
 import threading
 import tty
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
+from pathlib import Path
 
 import pytest
 
-from tests.support.processes import finish, hil, wait_for_line
+from tests.support.cli import cli
+from tests.support.processes import finish, hil, own_host, wait_for_line
 
 pytestmark = [
     pytest.mark.alone,
@@ -26,6 +28,8 @@ def null_modem() -> Iterator[tuple[str, str]]:
     stop_out, stop_in = os.pipe()
     for end in (a_end, b_end):
         tty.setraw(end)
+    for end in (a, b):
+        os.set_blocking(end, False)
 
     def carry() -> None:
         while True:
@@ -33,7 +37,9 @@ def null_modem() -> Iterator[tuple[str, str]]:
             if stop_out in ready:
                 return
             for end in ready:
-                os.write(b if end == a else a, os.read(end, 4096))
+                # What nobody reads is lost, as on any wire.
+                with suppress(BlockingIOError):
+                    os.write(b if end == a else a, os.read(end, 4096))
 
     thread = threading.Thread(target=carry)
     thread.start()
@@ -77,3 +83,18 @@ def test_what_cannot_be_is_refused(arguments: tuple[str, ...], sentence: str) ->
     ended = finish(hil("can-drives", *arguments))
     assert ended.code == 2
     assert sentence in ended.err
+
+
+def test_a_recording_of_drives_is_not_replayed_and_nothing_but_a_run_moves_real_ones(tmp_path: Path) -> None:
+    capture = tmp_path / "run.pcapng"
+    run = hil(
+        "run", "--backend", "can402", "-o", "simulated=true", "--cycle", 4, "--duration", 0.5, "--capture", capture,
+        "--fri-client", own_host(), "--send-period", 4,
+    )  # fmt: skip
+    assert finish(run).code == 0
+    replayed = cli("replay", capture)
+    assert replayed.code == 2
+    assert "was recorded on the backend can402: what came from its robot side is not in the recording" in replayed.err
+    stepped = cli("step-response", "--backend", "can402", "-o", tmp_path / "out")
+    assert stepped.code == 2
+    assert "the backend can402 moves real drives, and only hil run may" in stepped.err

@@ -126,8 +126,8 @@ def place_m(in_flange_m: tuple[float, float, float]) -> tuple[float, float, floa
 
 
 ROD_M = 0.25
-NEAR_M = 2.0 * place_m((0.0, 0.0, 0.0))[0] - 0.002
-"""So far apart are two arms, one before the other, that press their flanges together."""
+NEAR_M = 2.0 * place_m((0.0, 0.0, 0.0))[0] + 0.032
+"""So far apart are two arms, one before the other, that all but touch."""
 
 
 def both(surroundings: Surroundings) -> tuple[SceneBackend, SceneBackend]:
@@ -143,17 +143,20 @@ def cell(*, distance_m: float = 1.0, objects: tuple[SceneObject, ...] = ()) -> S
 
 def test_two_arms_in_one_world_touch_each_other_and_feel_it() -> None:
     far, near = both(cell(distance_m=2.0)), both(cell(distance_m=NEAR_M))
+    start = DESCRIPTION.initial_position_rad
+    leaning = seven([start[0], start[1] + 0.02, *start[2:]])
     for left, right in (far, near):
         left.open(period_ns=MS)
         right.open(period_ns=MS)
         for _ in range(200):
-            for one in (left, right):
-                one.write(JointCommand(DESCRIPTION.initial_position_rad, STILL))
+            for one, position in ((left, leaning), (right, start)):
+                one.write(JointCommand(position, STILL))
                 one.step()
     assert far[0]._data.ncon == 0
     assert near[0]._data.ncon > 0
-    felt = [left.read().torque_nm[1] for left, _ in (far, near)]
-    assert abs(felt[1] - felt[0]) > 1.0
+    for place in (0, 1):
+        alone, pressed = (pair[place].read().torque_nm[1] for pair in (far, near))
+        assert abs(pressed - alone) > 5.0
     for one in (*far, *near):
         one.close()
 
@@ -168,12 +171,12 @@ def test_the_world_goes_on_when_an_arm_misses_its_cycles_and_stands_for_nobody()
         left.write(JointCommand(moved, STILL))
         left.step()
     # Each step but the first let the world go on without the other arm, which holds.
-    assert left.read().sample == first + 299
+    assert left.read().sample >= first + 299
     assert left.read().position_rad == pytest.approx(moved, abs=1e-3)
     assert right.read().position_rad == pytest.approx(DESCRIPTION.initial_position_rad, abs=1e-3)
     right.close()
     left.step()
-    assert left.read().sample == first + 301
+    assert left.read().sample >= first + 301
     left.close()
 
 
@@ -201,16 +204,62 @@ def test_robots_of_one_world_need_one_cycle() -> None:
     left.close()
 
 
-def test_a_mounted_tool_touches_with_its_tip() -> None:
-    def contacts(touches: tuple[tuple[float, float, float], ...]) -> int:
-        tree_arm = SceneArm("arm", ROBOT, "mujoco", {}, touches_m=touches)
-        backend = arm_in(Surroundings(objects=(wall(0.1),), arms=(tree_arm,)))
+def test_what_stands_where_an_arm_begins_is_refused_by_name() -> None:
+    backend = arm_in(Surroundings(objects=(wall(0.0),)))
+    with pytest.raises(ConfigurationError, match=r"overlap by [\d.]+ mm where arm begins: move one of them") as refused:
         backend.open(period_ns=MS)
-        hold(backend, 0.05)
-        return int(backend._data.ncon)
+    assert "wall" in str(refused.value)
 
-    assert contacts(()) == 0
-    assert contacts(((0.0, 0.2, 0.0), (0.2, 0.0, 0.0), (0.0, -0.2, 0.0), (-0.2, 0.0, 0.0))) > 0
+
+def test_an_arm_that_catches_up_makes_no_time_pass() -> None:
+    left, right = both(cell(distance_m=2.0))
+    left.open(period_ns=MS)
+    right.open(period_ns=MS)
+    for _ in range(10):
+        left.step()
+    for _ in range(10):
+        right.step()
+    assert left.read().sample == 10
+    assert left._data.time == pytest.approx(0.010)
+    # One that is a second behind is not waited for.
+    for _ in range(1000):
+        left.step()
+    assert left.read().sample >= 1008
+    right.step()
+    left.step()
+    assert left.read().sample >= 1009
+    left.close()
+    right.close()
+
+
+def test_a_push_is_told_in_the_base_of_its_robot() -> None:
+    felt = []
+    for a_deg in (0.0, 90.0):
+        arm = SceneArm("arm", ROBOT, "mujoco", {}, Pose.from_abc_deg((0.0, 0.0, 0.0), a_deg, 0.0, 0.0))
+        surroundings = Surroundings(objects=(wall(3.0),), arms=(arm,))
+        backend = MUJOCO.make(
+            BackendRequest(
+                "arm", DESCRIPTION, MS, torque_noise=False, base_in_world=arm.base_in_world, surroundings=surroundings
+            )
+        )
+        assert isinstance(backend, SceneBackend)
+        backend.open(period_ns=MS)
+        backend.push(Push(7, (0.0, 20.0, 0.0), (0.0, 0.0, 0.0), 1.0))
+        hold(backend, 0.3)
+        felt.append(backend.read().torque_nm[0])
+        backend.close()
+    assert abs(felt[0]) > 5.0
+    assert felt[1] == pytest.approx(felt[0], abs=0.05)
+
+
+def test_a_base_that_leans_and_another_gravity_are_refused(tmp_path: Path) -> None:
+    leaning = SceneArm("arm", ROBOT, "mujoco", {}, Pose.from_abc_deg((0.0, 0.0, 0.0), 0.0, 45.0, 0.0))
+    with pytest.raises(ConfigurationError, match="the base of arm leans"):
+        arm_in(Surroundings(objects=(wall(3.0),), arms=(leaning,)))
+    scene = tmp_path / "scene.xml"
+    scene.write_text('<mujoco><option gravity="0 0 -1.6"/></mujoco>')
+    with pytest.raises(ConfigurationError, match=r"has the gravity \(0.0, 0.0, -1.6\), and these arms know"):
+        arm_in(Surroundings(), scene=str(scene))
 
 
 def test_an_own_scene_file_is_the_world_the_arm_stands_in(tmp_path: Path) -> None:
