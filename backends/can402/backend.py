@@ -6,6 +6,7 @@ is counted in SYNCs. Anything that goes wrong with one drive stops all of them w
 until somebody acknowledges it. Not known here: what pushes the arm, and torques that were asked for; both are zeros.
 """
 
+import contextlib
 from typing import TYPE_CHECKING, Final
 
 from backends.can402 import objects
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
 _NONE: Final[Seven] = (0.0,) * JOINT_COUNT  # type: ignore[assignment]
 _OPERATIONAL: Final = b"\x05"
-_GUARDING_NS: Final = 100_000_000
 _FOREIGN: Final = "the bus carries process data of node {node}, which is none of this station's ({nodes})"
 _ALL_WELL: Final = RobotSideCondition()
 
@@ -41,7 +41,7 @@ class Can402Backend:
         self._capabilities = capabilities(simulated=options.simulated)
         names = [f"node {node} ({axis})" for node, axis in zip(options.nodes, JOINT_NAMES, strict=True)]
         self._drives = [
-            Drive(name, AxisScale(axis), lost_after=options.lost_after)
+            Drive(name, AxisScale(axis), lost_after=options.lost_after, heartbeat_ms=options.heartbeat_ms)
             for name, axis in zip(names, options.axis, strict=True)
         ]
         self._answers: dict[int, tuple[Drive, int]] = {}
@@ -83,6 +83,7 @@ class Can402Backend:
                 f"a control cycle of {period_ns / 1e6:g} ms is no multiple of this backend's 1 ms up to "
                 f"{self._capabilities.longest_period_ns / 1e6:g} ms"
             )
+        self._check_reach()
         self.load = check_bus_load(bitrate=self._options.bitrate, period_ns=period_ns)
         self._wire = self._open_wire(period_ns)
         try:
@@ -91,8 +92,8 @@ class Can402Backend:
                 drive.began(*self._nodes.set_up(place))
             for place in range(JOINT_COUNT):
                 self._nodes.start(place)
-            self._check_reach()
         except BaseException:
+            self._leave()
             self._wire.close()
             self._wire = None
             raise
@@ -149,14 +150,22 @@ class Can402Backend:
         return self._condition
 
     def resume(self) -> None:
-        """Acknowledge a failure: faults are reset, drives that booted anew are set up again, all are enabled again."""
-        if not self._failure or self._nodes is None:
+        """Acknowledge a failure: faults are reset, drives that booted anew are set up again, all are enabled again.
+
+        A drive that says nothing is not waited for. To set up one that booted anew takes some tens of milliseconds.
+        """
+        nodes, wire = self._nodes, self._wire
+        if not self._failure or nodes is None or wire is None:
+            return
+        if silent := [drive for drive in self._drives if drive.silent and not drive.left]:
+            self._fail(silent[0].failure(), again=True)
             return
         try:
+            wire.check()
             for place, drive in enumerate(self._drives):
-                if drive.left or drive.unanswered >= self._options.lost_after:
-                    drive.began(*self._nodes.set_up(place))
-                    self._nodes.start(place)
+                if drive.left:
+                    drive.began(*nodes.set_up(place))
+                    nodes.start(place)
                 drive.reset_fault()
         except (BackendError, ConfigurationError) as error:
             self._fail(str(error), again=True)
@@ -176,18 +185,23 @@ class Can402Backend:
             return
         wire = self._wire
         try:
-            if wire is not None and self._nodes is not None:
-                for identifier, node, drive in self._commanded():
-                    wire.send(Frame(identifier + node, drive.command(drive.counts, enabled=False)))
-                wire.send(Frame(objects.SYNC_COB, b""))
-                self._nodes.release()
-        except BusFailed:
-            pass  # a bus that failed cannot be told; the drives notice that our heartbeat is missing
+            self._leave()
         finally:
             self._period_ns = None
             if wire is not None:
                 wire.close()
             self._wire = self._nodes = None
+
+    def _leave(self) -> None:
+        wire, nodes = self._wire, self._nodes
+        if wire is None or nodes is None:
+            return
+        # A bus that failed cannot be told; the drives notice that our heartbeat is missing.
+        with contextlib.suppress(BusFailed):
+            for identifier, node, drive in self._commanded():
+                wire.send(Frame(identifier + node, drive.command(drive.counts, enabled=False)))
+            wire.send(Frame(objects.SYNC_COB, b""))
+            nodes.release()
 
     def _open_wire(self, period_ns: int) -> Wire:
         if self._given_wire is not None:
@@ -236,7 +250,7 @@ class Can402Backend:
         if self._nodes is not None and self._nodes.guarded:
             self._guard_in -= period_ns
             if self._guard_in <= 0:
-                self._guard_in = _GUARDING_NS
+                self._guard_in = self._options.heartbeat_ms * 1_000_000
                 for place in self._nodes.guarded:
                     wire.send(Frame(objects.HEARTBEAT_COB + self._options.nodes[place], b"", remote=True))
 
@@ -252,7 +266,7 @@ class Can402Backend:
         except BusFailed as error:
             problem = str(error)
         for drive in self._drives:
-            drive.count_silence()
+            drive.count_silence(self._period_ns or 0)
         problem = problem or next(filter(None, (drive.failure() for drive in self._drives)), "")
         if problem:
             self._fail(problem)
@@ -284,6 +298,10 @@ class Can402Backend:
             if self._enabling_cycles > allowed:
                 late = next(drive for drive in self._drives if drive.state is not PowerState.ENABLED)
                 self._fail(f"{late.name} is not enabled after {self._options.enable_timeout_s:g} s: it is {late.state}")
+        elif self._condition.takes_commands:
+            gone = next((drive for drive in self._drives if drive.state is not PowerState.ENABLED), None)
+            if gone is not None:
+                self._fail(f"{gone.name} is {gone.state}, though nobody switched it off from here")
         self._settle()
 
     def _fail(self, reason: str, *, again: bool = False) -> None:
