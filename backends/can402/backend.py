@@ -20,6 +20,7 @@ from backends.can402.state_machine import DRIVE_STATES, PowerState
 from backends.can402.wire import MOST_FRAMES_AT_ONCE, BusFailed, Frame, Wire, open_wire
 from hil.values.arm import ArmState, Capabilities, JointCommand, Push, RobotSideCondition, seven
 from hil.values.errors import BackendError, ConfigurationError
+from hil.values.fri import DriveState
 from hil.values.robot import JOINT_COUNT, JOINT_NAMES, Seven
 
 if TYPE_CHECKING:
@@ -270,9 +271,12 @@ class Can402Backend:
         problem = problem or next(filter(None, (drive.failure() for drive in self._drives)), "")
         if problem:
             self._fail(problem)
-        elif all(drive.answered for drive in self._drives):
+        # A drive that failed still measures; one that is silent leaves the arm where it was seen last.
+        if all(drive.answered for drive in self._drives):
             self._sample += 1
             self._measured = self._state()
+        elif self._measured is not None and self._measured.drive_states != (states := self._drive_states()):
+            self._measured = self._measured._replace(drive_states=states)
         self._progress()
 
     def _take(self, frame: Frame) -> str:
@@ -337,9 +341,16 @@ class Can402Backend:
             seven([-drive.scale.motor_torque_nm(drive.torque_permille) for drive in drives]),
             _NONE,
             _NONE,
-            tuple(DRIVE_STATES[drive.state] for drive in drives),
+            self._drive_states(),
             self._sample,
         )
+
+    def _drive_states(self) -> tuple[DriveState, ...]:
+        """Return the states, as the same object as long as they are the same: whoever reads them looks at that."""
+        states = tuple(DriveState.OFF if drive.silent else DRIVE_STATES[drive.state] for drive in self._drives)
+        if self._measured is not None and self._measured.drive_states == states:
+            return self._measured.drive_states
+        return states
 
     def _require_open(self, what: str) -> int:
         if self._period_ns is None:

@@ -39,11 +39,12 @@ _TRANSITIONS: Final = {
     (_P.ENABLED, 0x07): _P.SWITCHED_ON,
     (_P.ENABLED, 0x06): _P.READY,
     (_P.ENABLED, 0x02): _P.QUICK_STOP,
-    (_P.QUICK_STOP, 0x02): _P.DISABLED,
     **{(state, 0x00): _P.DISABLED for state in (_P.READY, _P.SWITCHED_ON, _P.ENABLED, _P.QUICK_STOP)},
     **{(state, 0x02): _P.DISABLED for state in (_P.READY, _P.SWITCHED_ON)},
 }
-"""Where a control word leads; what is not there leads nowhere. A quick stop of these drives takes one SYNC."""
+"""Where a control word leads; what is not there leads nowhere."""
+QUICK_STOP_NS: Final = 20_000_000
+"""From the quick stop to the brakes, when a drive is disabled by itself; the axis itself stops at once here."""
 _PRE_OPERATIONAL: Final = 127
 _OPERATIONAL: Final = 5
 _NO_OBJECT: Final = 0x06020000
@@ -90,6 +91,7 @@ class SimulatedDrive:
         self._toggle = 0
         self._objects: dict[tuple[int, int], bytes] = {}
         self._beat_ns = 0
+        self._stopping_ns = 0
         self._missed_ns: int | None = None
         """Since the last heartbeat of who is watched; None before the first one."""
         self._boot()
@@ -119,6 +121,9 @@ class SimulatedDrive:
 
     def passed(self, duration_ns: int) -> list[Frame]:
         """Let time pass; return the heartbeat if one is due, and what it makes of one that is missing."""
+        self._stopping_ns = self._stopping_ns + duration_ns if self.state is PowerState.QUICK_STOP else 0
+        if self._stopping_ns >= QUICK_STOP_NS:
+            self.state = PowerState.DISABLED
         return self._watch(duration_ns) + self._beat(duration_ns)
 
     def _watch(self, duration_ns: int) -> list[Frame]:
