@@ -38,10 +38,14 @@ class InProcessBackend(ABC):
         """What this robot side can do."""
 
     def open(self, *, period_ns: int) -> None:
-        """Get ready to be stepped every ``period_ns``, drives on; raise :class:`ConfigurationError` if too short."""
+        """Get ready to be stepped every ``period_ns``, drives on; raise :class:`ConfigurationError` if it cannot."""
         if self._period_ns is not None:
             return
-        shortest_ns = self.capabilities.shortest_period_ns
+        shortest_ns, longest_ns = self.capabilities.shortest_period_ns, self.capabilities.longest_period_ns
+        if period_ns > longest_ns:
+            raise ConfigurationError(
+                f"a control cycle of {period_ns / 1e6:g} ms is longer than this backend's {longest_ns / 1e6:g} ms"
+            )
         if period_ns < shortest_ns or period_ns % shortest_ns:
             raise ConfigurationError(
                 f"a control cycle of {period_ns / 1e6:g} ms is no multiple of this backend's {shortest_ns / 1e6:g} ms"
@@ -66,11 +70,13 @@ class InProcessBackend(ABC):
         return measured
 
     def write(self, command: JointCommand) -> None:
-        """Take the command of this cycle; raise :class:`BackendError` for a torque that no motor here gives."""
+        """Take the command of this cycle; raise :class:`BackendError` for what is not told in the capabilities."""
         if self._period_ns is None:
             self._require_open("write")
         if command.torque_nm is not None and not self.capabilities.takes_torque:
             raise BackendError(f"{type(self).__name__} takes no torque commands")
+        if command.overlay is not None and not self.capabilities.passes_overlays:
+            raise BackendError(f"{type(self).__name__} passes no overlays on")
         try:
             self._write(command)
         except Exception as error:

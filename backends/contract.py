@@ -10,13 +10,14 @@ A robot side whose drives can be dropped from here also passes :class:`DrivesCon
 can be lost :class:`PeerContract`; :meth:`BackendContract.test_all_that_applies_is_tested` fails where one is left out.
 """
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import ClassVar, Final
 
 from backends.rig import STILL, Rig
-from hil.values.arm import ArmState, JointCommand, OverlayCommand, Push, seven
+from hil.values.arm import ArmState, JointCommand, OverlayCommand, PeerBackend, Push, seven
 from hil.values.control import NO_WRENCH
 from hil.values.errors import BackendError, ConfigurationError
 from hil.values.fri import DriveState, OverlayKind
@@ -35,6 +36,8 @@ class BackendContract(ABC):
     period_ns = 1_000_000
     still_rad = 1e-4
     """How far an arm that is held may be off."""
+    still_rad_s = 1e-2
+    """How fast an arm that is held may be, as it is measured."""
     tracking_rad = 2e-3
     """How far an arm may be behind its set point at 0.1 rad/s on all axes."""
     far_rad = 0.3
@@ -74,6 +77,22 @@ class BackendContract(ABC):
         assert 0 < before.shortest_period_ns <= before.longest_period_ns
         assert before.torque_sigma_nm is None or min(before.torque_sigma_nm) >= 0.0
         assert not (before.takes_torque and before.passes_overlays), "a law is run here or there, not twice"
+
+    def test_whose_messages_and_whose_operator_there_are_is_told_truthfully(self) -> None:
+        with self.opened() as rig:
+            capabilities = rig.backend.capabilities
+            assert capabilities.paces_the_cycle == isinstance(rig.backend, PeerBackend)
+            assert capabilities.has_own_operator == (rig.backend.condition().operation_mode is not None)
+
+    def test_a_measured_state_is_seven_finite_numbers_of_each(self) -> None:
+        with self.opened() as rig:
+            state = rig.backend.read()
+            for measured in state[:5]:
+                assert isinstance(measured, tuple), "what can be changed in place is no measured state"
+                assert len(measured) == JOINT_COUNT
+                assert all(isinstance(value, float) and math.isfinite(value) for value in measured)
+            assert len(state.drive_states) == JOINT_COUNT
+            assert all(isinstance(drive, DriveState) for drive in state.drive_states)
 
     def test_nothing_works_before_open_and_after_close(self) -> None:
         rig = self.make_rig()
@@ -120,24 +139,29 @@ class BackendContract(ABC):
 
     def test_a_period_that_cannot_be_kept_is_refused_in_words(self) -> None:
         rig = self.make_rig()
-        shortest_ns = rig.backend.capabilities.shortest_period_ns
-        for period_ns in (shortest_ns // 2, shortest_ns * 3 // 2):
+        shortest_ns, longest_ns = (
+            rig.backend.capabilities.shortest_period_ns,
+            rig.backend.capabilities.longest_period_ns,
+        )
+        for period_ns in (shortest_ns // 2, shortest_ns * 3 // 2, longest_ns + shortest_ns):
             try:
                 rig.open(period_ns=period_ns)
             except ConfigurationError as error:
                 assert f"{period_ns / 1e6:g} ms" in str(error)
             else:
-                raise AssertionError(f"a period of {period_ns} ns was taken, the shortest is {shortest_ns} ns")
+                raise AssertionError(
+                    f"{period_ns} ns was taken as a period; it takes {shortest_ns} ... {longest_ns} ns"
+                )
         _nothing_works(rig)
         rig.close()
 
     def test_it_holds_still(self) -> None:
         with self.opened() as rig:
             start = rig.backend.read().position_rad
-            for _ in range(300):
+            for _ in range(math.ceil(1e9 / self.period_ns)):
                 state = rig.cycle(JointCommand(start, STILL))
-            assert _distance(state.position_rad, start) <= self.still_rad
-            assert max(map(abs, state.velocity_rad_s)) <= 1e-2
+                assert _distance(state.position_rad, start) <= self.still_rad
+            assert max(map(abs, state.velocity_rad_s)) <= self.still_rad_s
 
     def test_it_follows_a_ramp(self) -> None:
         with self.opened() as rig:
@@ -170,25 +194,42 @@ class BackendContract(ABC):
         with self.opened() as rig:
             command = JointCommand(rig.backend.read().position_rad, STILL, STILL, STILL)
             if rig.backend.capabilities.takes_torque:
-                rig.cycle(command)
+                told = seven([0.1 * number for number in range(JOINT_COUNT)])
+                _takes(lambda: rig.backend.write(command._replace(torque_nm=told)), "a torque")
+                state = rig.cycle()
+                # What the drives are asked for has the sign of the sensors: minus that of the motors.
+                assert _distance(seven([-value for value in state.commanded_torque_nm]), told) <= 1e-9
             else:
                 _refuses(lambda: rig.backend.write(command), "torque")
 
-    def test_an_overlay_is_taken_where_it_is_told(self) -> None:
+    def test_an_overlay_is_taken_or_refused_in_words(self) -> None:
         with self.opened() as rig:
-            assert rig.backend.capabilities.passes_overlays <= {OverlayKind.TORQUE, OverlayKind.WRENCH}
-            if rig.backend.capabilities.passes_overlays:
-                start = rig.backend.read().position_rad
-                rig.cycle(JointCommand(start, STILL, overlay=OverlayCommand(STILL, NO_WRENCH)))
-
-    def test_a_push_is_taken_or_refused_in_words(self) -> None:
-        with self.opened() as rig:
-            push = Push(4, (0.0, 5.0, 0.0), (0.0, 0.0, 0.0), 0.1)
-            if rig.backend.capabilities.can_be_pushed:
-                rig.backend.push(push)
-                rig.cycle(JointCommand(rig.backend.read().position_rad, STILL))
+            passes = rig.backend.capabilities.passes_overlays
+            assert passes <= {OverlayKind.TORQUE, OverlayKind.WRENCH}
+            start = rig.backend.read().position_rad
+            command = JointCommand(start, STILL, overlay=OverlayCommand(STILL, NO_WRENCH))
+            if passes:
+                _takes(lambda: rig.backend.write(command), "an overlay")
+                rig.cycle()
             else:
+                _refuses(lambda: rig.backend.write(command), "overlay")
+            assert _distance(rig.cycle(JointCommand(start, STILL)).position_rad, start) <= self.still_rad
+
+    def test_a_push_is_felt_or_refused_in_words(self) -> None:
+        with self.opened() as rig:
+            start = rig.backend.read().position_rad
+            push = Push(JOINT_COUNT, (0.0, 0.0, 0.0), (0.0, 0.0, 20.0), 1.0)
+            if not rig.backend.capabilities.can_be_pushed:
                 _refuses(lambda: rig.backend.push(push), "push")
+                return
+            before = rig.cycle(JointCommand(start, STILL))
+            _takes(lambda: rig.backend.push(push), "a push")
+            for _ in range(math.ceil(0.2e9 / self.period_ns)):
+                state = rig.cycle(JointCommand(start, STILL))
+            # A moment about the vertical is one about A1, in every pose.
+            felt_nm = abs(state.torque_nm[0] - before.torque_nm[0]) + abs(state.external_torque_nm[0])
+            moved_rad = abs(state.position_rad[0] - before.position_rad[0])
+            assert felt_nm > 5.0 or moved_rad > 10.0 * self.still_rad, "a push of 20 Nm was taken, and nothing felt it"
 
     def test_drives_that_cannot_be_switched_from_here_say_so(self) -> None:
         with self.opened() as rig:
@@ -209,10 +250,12 @@ class BackendContract(ABC):
 
     def test_to_resume_what_works_changes_nothing(self) -> None:
         with self.opened() as rig:
-            start, before = rig.backend.read().position_rad, rig.backend.condition()
+            start, before = rig.true_position_rad(), rig.backend.condition()
             rig.backend.resume()
             assert rig.backend.condition() == before
-            assert _distance(rig.cycle(JointCommand(start, STILL)).position_rad, start) <= self.still_rad
+            for _ in range(20):
+                rig.cycle()
+                assert _distance(rig.true_position_rad(), start) <= self.still_rad
 
     def ramp(self, rig: Rig, cycles: int) -> tuple[Seven, ArmState]:
         """Move all axes at :data:`SPEED_RAD_S`; return the last command, and the state after it."""
@@ -236,6 +279,13 @@ class BackendContract(ABC):
 
 class DrivesContract(BackendContract):
     """What holds where the drives can be dropped from here."""
+
+    def test_drives_are_switched_only_while_it_is_open(self) -> None:
+        rig = self.make_rig()
+        _no_drives(rig)
+        rig.open(period_ns=self.period_ns)
+        rig.close()
+        _no_drives(rig)
 
     def test_dropped_drives_stop_the_arm_and_hold_it(self) -> None:
         with self.opened() as rig:
@@ -287,6 +337,9 @@ class PeerContract(BackendContract):
             assert condition.failure
             assert not condition.takes_commands
             assert self.longest_read_ns(rig) < LONGEST_READ_NS
+            for _ in range(20):
+                rig.cycle(JointCommand(start.position_rad, STILL))
+                assert rig.backend.condition() is condition
 
     def test_what_a_lost_peer_measured_last_is_no_new_measurement(self) -> None:
         with self.opened() as rig:
@@ -294,7 +347,9 @@ class PeerContract(BackendContract):
             rig.cycle()
             last = rig.backend.read()
             for _ in range(20):
-                assert rig.cycle(JointCommand(last.position_rad, STILL)).sample == last.sample
+                state = rig.cycle(JointCommand(last.position_rad, STILL))
+                assert state.sample == last.sample
+                assert state.position_rad == last.position_rad
 
     def test_it_moves_again_only_when_it_is_told_to(self) -> None:
         with self.opened() as rig:
@@ -330,6 +385,11 @@ def _nothing_works(rig: Rig) -> None:
         _refuses(call, "not open")
 
 
+def _no_drives(rig: Rig) -> None:
+    for on in (True, False):
+        _refuses(lambda on=on: rig.backend.switch_drives(on=on), "not open")  # type: ignore[misc]
+
+
 def _refuses(call: Callable[[], object], word: str) -> None:
     try:
         call()
@@ -337,6 +397,13 @@ def _refuses(call: Callable[[], object], word: str) -> None:
         assert word in str(error), error
     else:
         raise AssertionError(f"it was taken, though there is nothing ({word})")
+
+
+def _takes(call: Callable[[], object], what: str) -> None:
+    try:
+        call()
+    except BackendError as error:
+        raise AssertionError(f"{what} was refused, though the capabilities promise it: {error}") from error
 
 
 def _shifted(position: Seven, by_rad: float) -> Seven:

@@ -117,10 +117,12 @@ class Can402Backend:
         return self._measured
 
     def write(self, command: JointCommand) -> None:
-        """Take the set point of this cycle; raise :class:`BackendError` for a torque."""
+        """Take the set point of this cycle; raise :class:`BackendError` for a torque or an overlay."""
         self._require_open("write")
         if command.torque_nm is not None:
             raise BackendError("Can402Backend takes no torque commands: the drives are in cyclic synchronous position")
+        if command.overlay is not None:
+            raise BackendError("Can402Backend passes no overlays on: the drives are in cyclic synchronous position")
         if self._condition.takes_commands:
             self._target = [
                 drive.scale.counts(position) for drive, position in zip(self._drives, command.position_rad, strict=True)
@@ -158,13 +160,13 @@ class Can402Backend:
         nodes, wire = self._nodes, self._wire
         if not self._failure or nodes is None or wire is None:
             return
-        if silent := [drive for drive in self._drives if drive.silent and not drive.left]:
+        if silent := [drive for drive in self._drives if drive.silent and not (drive.left or drive.booted)]:
             self._fail(silent[0].failure(), again=True)
             return
         try:
             wire.check()
             for place, drive in enumerate(self._drives):
-                if drive.left:
+                if drive.left or drive.silent:
                     drive.began(*nodes.set_up(place))
                     nodes.start(place)
                 drive.reset_fault()

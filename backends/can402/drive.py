@@ -12,6 +12,7 @@ _STATE: Final = struct.Struct("<Hi")
 _MOTION: Final = struct.Struct("<ihH")
 _OPERATIONAL: Final = 5
 _FAULTS: Final = (PowerState.FAULT, PowerState.FAULT_REACTION)
+_ANSWERS_TOO_MANY: Final = 2
 _RESET_NS: Final = 500_000_000
 """What a fault reset may take. Ours."""
 _MOST_BEATS_MISSED: Final = 3
@@ -34,12 +35,16 @@ class Drive:
         self.unanswered = 0
         """SYNCs in a row without an answer to each part."""
         self.resets = 0
-        """Faults that were acknowledged."""
+        """Faults that were acknowledged one after the other."""
         self.left = ""
         """Why it exchanges nothing any more, though nobody told it to."""
+        self.booted = False
+        """Whether it started anew since it was set up, as far as it said so."""
         self._seen = [False, False]
-        self._surplus = [0, 0]
-        """Answers more than SYNCs; a drive that is alone with its number gives none."""
+        self._owed = [0, 0]
+        """SYNCs without an answer less answers without a SYNC: an answer may be late."""
+        self._takes_part = False
+        """Whether it has answered a SYNC since it was set up."""
         self._beat_ago_ns = 0
         self._reset = False
         self._resetting_ns = 0
@@ -49,13 +54,14 @@ class Drive:
         """It was set up, and stands there."""
         self.state, self.counts, self.counts_per_s = power_state(status_word), counts, 0
         self.unanswered, self.left, self.error_code = 0, "", 0
-        self._seen, self._surplus, self._beat_ago_ns = [False, False], [0, 0], 0
+        self._seen, self._owed, self._beat_ago_ns = [False, False], [0, 0], 0
+        self._takes_part = self.booted = False
 
     def synchronised(self) -> None:
         """A SYNC goes out."""
         self._seen = [False, False]
         # What was never answered excuses only so many late answers.
-        self._surplus = [max(surplus - 1, -self._lost_after) for surplus in self._surplus]
+        self._owed = [min(owed + 1, self._lost_after) for owed in self._owed]
 
     @property
     def answered(self) -> bool:
@@ -70,6 +76,7 @@ class Drive:
     def count_silence(self, period_ns: int) -> None:
         """The cycle is over."""
         self.unanswered = 0 if self.answered else self.unanswered + 1
+        self._takes_part = self._takes_part or self.answered
         self._beat_ago_ns += period_ns
         self._resetting_ns = max(0, self._resetting_ns - period_ns) if self.state in _FAULTS else 0
 
@@ -78,10 +85,10 @@ class Drive:
         layout = (_STATE, _MOTION)[part]
         if len(data) != layout.size:
             return f"{self.name} answers with {len(data)} bytes where {layout.size} are mapped"
+        self._owed[part] -= 1
+        if self._owed[part] < -_ANSWERS_TOO_MANY:
+            return f"{self.name} answers more often than it is asked: two drives have the same node number"
         self._seen[part] = True
-        self._surplus[part] += 1
-        if self._surplus[part] > 0:
-            return f"{self.name} answered one SYNC twice: two drives have the same node number"
         if part == 0:
             status_word, self.counts = layout.unpack(data)
             self.state = power_state(status_word)
@@ -101,7 +108,9 @@ class Drive:
         """Take a heartbeat, or an answer to node guarding."""
         self._beat_ago_ns = 0
         state = data[0] & 0x7F if data else -1
-        if state != _OPERATIONAL:
+        self.booted = self.booted or state == 0
+        # What was said before it took part may come late.
+        if state != _OPERATIONAL and self._takes_part:
             self.left = f"{self.name} is {_NMT_STATES.get(state, f'in NMT state {state}')}"
 
     def failure(self) -> str:

@@ -98,11 +98,14 @@ class Wire:
         return self.bus
 
 
-def open_wire(options: Can402Options) -> Wire:
-    """Open the bus; raise :class:`BackendError` in one sentence."""
+def open_wire(options: Can402Options, *, never_blocks: bool = True) -> Wire:
+    """Open the bus; raise :class:`BackendError` in one sentence.
+
+    A bus that ``never_blocks`` has no waits of its own in reading, at the price of a busy wait where one is asked for.
+    """
     where = f"the CAN bus {options.channel!r} of the interface {options.interface!r}"
     try:
-        extra = _SERIAL_LINE if options.interface == "slcan" else {}
+        extra = _SERIAL_LINE if never_blocks and options.interface == "slcan" else {}
         return Wire(can.Bus(interface=options.interface, channel=options.channel, bitrate=options.bitrate, **extra))
     except (can.CanError, OSError, ValueError, ImportError, NotImplementedError) as error:
         detail = str(error).strip().splitlines()

@@ -7,8 +7,8 @@ SmartServo with override 20 and jerk 1500 %), with it by nothing as long as no m
 
 Measured torque is the link side of the gear, actuation minus the torque that accelerates the rotor, with the sign of
 the facts (4.4). Dropped drives give none, but their brakes do, and sit on the same side of the gear. Commanded torque
-is what the position controller asks for; MuJoCo cuts off what a motor cannot give. Not modelled: contact, joint
-elasticity, gear friction, sensor offset, position noise.
+is what the position controller asks for; MuJoCo cuts off what a motor cannot give. Not modelled: joint elasticity, gear
+friction, sensor offset, position noise; and contact, unless the arm stands in a scene (:mod:`backends.mujoco.scene`).
 """
 
 from struct import Struct
@@ -26,13 +26,13 @@ from backends.robots import load_mujoco
 from hil.values.arm import ArmState, Capabilities, JointCommand, Push, seven
 from hil.values.errors import BackendError
 from hil.values.load import NO_LOAD, Load
-from hil.values.robot import JOINT_COUNT, RobotDescription, Seven
+from hil.values.robot import JOINT_COUNT, JOINT_NAMES, RobotDescription, Seven
 from hil.values.tuples import new_tuple
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-_STEP_NS = 1_000_000
+STEP_NS = 1_000_000
 _CONTACT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 _ISLAND = int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
 _STILL: Seven = (0.0,) * JOINT_COUNT  # type: ignore[assignment]
@@ -53,7 +53,7 @@ def capabilities(torque_sigma_nm: Seven = SIGMA_NM) -> Capabilities:
         takes_torque=True,
         torque_sigma_nm=torque_sigma_nm,
         can_be_pushed=True,
-        shortest_period_ns=_STEP_NS,
+        shortest_period_ns=STEP_NS,
         paces_the_cycle=False,
         moves_real_drives=False,
         switches_drives=True,
@@ -70,32 +70,42 @@ class MujocoBackend(InProcessBackend):
         self, description: RobotDescription, *, seed: int = 0, load: Load = NO_LOAD, torque_noise: bool = True
     ) -> None:
         super().__init__()
-        self._model = load_mujoco(description.name, shells=False)
-        hang(load, self._model)
+        self._sensors = TorqueSensors(seed=seed, noise=torque_noise)
+        model = load_mujoco(description.name, shells=False)
+        hang(load, model)
         # Nothing here collides, and one arm is one island: to look for both costs a seventh of a step.
-        self._model.opt.disableflags |= _CONTACT | _ISLAND
-        self._model.opt.timestep = _STEP_NS * 1e-9
-        self._data = data = mujoco.MjData(self._model)
+        model.opt.disableflags |= _CONTACT | _ISLAND
+        model.opt.timestep = STEP_NS * 1e-9
+        self._take_place(model, mujoco.MjData(model), description)
+
+    def _take_place(
+        self, model: "mujoco.MjModel", data: "mujoco.MjData", description: RobotDescription, *, prefix: str = ""
+    ) -> None:
+        """Be the arm of that ``prefix`` in a world."""
+        self._model, self._data = model, data
+        joint = model.joint(prefix + JOINT_NAMES[0])
+        first_dof, first_position = int(joint.dofadr[0]), int(joint.qposadr[0])
+        first_motor = int(model.actuator(prefix + JOINT_NAMES[0]).id)
+        dofs = slice(first_dof, first_dof + JOINT_COUNT)
         # Each of these attributes makes a new view of MuJoCo's memory; one for good is cheaper than one a cycle.
-        self._position: NDArray[np.float64] = data.qpos
-        self._rate: NDArray[np.float64] = data.qvel
-        self._bias: NDArray[np.float64] = data.qfrc_bias
-        self._actuation: NDArray[np.float64] = data.qfrc_actuator
-        self._rate_change: NDArray[np.float64] = data.qacc
-        self._motor: NDArray[np.float64] = data.ctrl
-        self._armature: NDArray[np.float64] = self._model.dof_armature.copy()
+        self._position: NDArray[np.float64] = data.qpos[first_position : first_position + JOINT_COUNT]
+        self._rate: NDArray[np.float64] = data.qvel[dofs]
+        self._bias: NDArray[np.float64] = data.qfrc_bias[dofs]
+        self._actuation: NDArray[np.float64] = data.qfrc_actuator[dofs]
+        self._rate_change: NDArray[np.float64] = data.qacc[dofs]
+        self._motor: NDArray[np.float64] = data.ctrl[first_motor : first_motor + JOINT_COUNT]
+        self._armature: NDArray[np.float64] = model.dof_armature[dofs].copy()
         self._position[:] = description.initial_position_rad
-        self._brakes = Brakes(self._model, description.limits.torque_nm)
+        self._brakes = Brakes(model, description.limits.torque_nm, first_dof=first_dof)
+        self._pushes = Pushes(model, data, prefix=prefix)
+        self._whole_torque, self._whole_acceleration = np.zeros(model.nv), np.zeros(model.nv)
+        self._torque, self._acceleration = self._whole_torque[dofs], self._whole_acceleration[dofs]
+        self._acceleration_memory = self._acceleration.data.cast("B")
         self._braked = False
         self._brake_torque: NDArray[np.float64] | None = None
-        self._sensors = TorqueSensors(seed=seed, noise=torque_noise)
-        self._pushes = Pushes(self._model, data)
         self._told: NDArray[np.float64] | None = None
         self._steps = 1
         self._time = 0.0
-        self._torque = np.zeros(JOINT_COUNT)
-        self._acceleration = np.zeros(JOINT_COUNT)
-        self._acceleration_memory = self._acceleration.data.cast("B")
         self._from = self._to = description.initial_position_rad
         self._follows_on = True
         self._velocity = self._feed_forward = _STILL
@@ -106,7 +116,7 @@ class MujocoBackend(InProcessBackend):
         return capabilities(self._sensors.sigma_nm)
 
     def _open(self, period_ns: int) -> None:
-        self._steps = period_ns // _STEP_NS
+        self._steps = period_ns // STEP_NS
         self._from = self._to = seven(self._position.tolist())
         self._velocity = self._feed_forward = _STILL
         self._follows_on = True
@@ -206,5 +216,5 @@ class MujocoBackend(InProcessBackend):
             )
         ]
         _ACCELERATION.pack_into(self._acceleration_memory, 0, *acceleration)
-        mujoco.mj_mulM(self._model, self._data, self._torque, self._acceleration)
+        mujoco.mj_mulM(self._model, self._data, self._whole_torque, self._whole_acceleration)
         np.add(self._torque, self._bias, out=self._motor)

@@ -24,28 +24,32 @@ _STIFF_REFERENCE: Final = (0.002, 1.0)
 class Brakes:
     """Seven brakes, applied and released together."""
 
-    def __init__(self, model: "mujoco.MjModel", motor_torque_nm: Sequence[float]) -> None:
+    def __init__(self, model: "mujoco.MjModel", motor_torque_nm: Sequence[float], *, first_dof: int = 0) -> None:
+        self._dofs = dofs = slice(first_dof, first_dof + len(motor_torque_nm))
         self._model = model
-        self._friction = model.dof_frictionloss.copy()
-        self._impedance = model.dof_solimp.copy()
-        self._reference = model.dof_solref.copy()
+        self._friction = model.dof_frictionloss[dofs].copy()
+        self._impedance = model.dof_solimp[dofs].copy()
+        self._reference = model.dof_solref[dofs].copy()
+        self._row = int(np.count_nonzero(model.dof_frictionloss[:first_dof]))
+        """Of its first joint among MuJoCo's rows of friction."""
         self._torque = BRAKE_PER_MOTOR_TORQUE * np.array(motor_torque_nm)
         self._share = self._torque / (self._torque + self._friction)
 
     def apply(self) -> None:
         """Let them grip from the next step on."""
-        self._model.dof_frictionloss[:] = self._friction + self._torque
-        self._model.dof_solimp[:] = _STIFF_IMPEDANCE
-        self._model.dof_solref[:] = _STIFF_REFERENCE
+        self._model.dof_frictionloss[self._dofs] = self._friction + self._torque
+        self._model.dof_solimp[self._dofs] = _STIFF_IMPEDANCE
+        self._model.dof_solref[self._dofs] = _STIFF_REFERENCE
 
     def release(self) -> None:
         """Give the joints back their own friction."""
-        self._model.dof_frictionloss[:] = self._friction
-        self._model.dof_solimp[:] = self._impedance
-        self._model.dof_solref[:] = self._reference
+        self._model.dof_frictionloss[self._dofs] = self._friction
+        self._model.dof_solimp[self._dofs] = self._impedance
+        self._model.dof_solref[self._dofs] = self._reference
 
     def torque_nm(self, data: "mujoco.MjData") -> "NDArray[np.float64]":
         """Return what they gave in the last step they were applied in, positive towards plus; the rest is friction."""
-        # Friction of the joints comes first among MuJoCo's constraints, as long as a model has no equality.
-        torque: NDArray[np.float64] = data.efc_force[: len(self._share)] * self._share
+        # Among MuJoCo's constraints the equalities come first, then the friction of the joints, joint by joint.
+        first = int(data.ne) + self._row
+        torque: NDArray[np.float64] = data.efc_force[first : first + len(self._share)] * self._share
         return torque

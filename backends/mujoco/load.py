@@ -9,11 +9,14 @@ _LAST = "link_7"
 _FLANGE = "flange"
 
 
-def hang(load: Load, model: "mujoco.MjModel") -> None:
-    """Give the last link mass, centre and inertia of itself with ``load``, which is told in the flange."""
+def hang(load: Load, model: "mujoco.MjModel", *, prefix: str = "") -> None:
+    """Give the last link mass, centre and inertia of itself with ``load``, which is told in the flange.
+
+    ``prefix`` is that of the arm's names.
+    """
     if load.mass_kg == 0.0:
         return
-    body, site = model.body(_LAST).id, model.site(_FLANGE).id
+    body, site = model.body(prefix + _LAST).id, model.site(prefix + _FLANGE).id
     turn = np.zeros(9)
     mujoco.mju_quat2Mat(turn, model.body_iquat[body])
     axes = turn.reshape(3, 3)

@@ -17,10 +17,10 @@ _FLANGE = "flange"
 class Pushes:
     """At most one push at a time; its force goes along with the link it pushes, its direction does not turn."""
 
-    def __init__(self, model: "mujoco.MjModel", data: "mujoco.MjData") -> None:
+    def __init__(self, model: "mujoco.MjModel", data: "mujoco.MjData", *, prefix: str = "") -> None:
         self._data = data
-        self._bodies = [model.body(f"link_{link}").id for link in range(1, JOINT_COUNT + 1)]
-        self._flange = model.site(_FLANGE).id
+        self._bodies = [model.body(f"{prefix}link_{link}").id for link in range(1, JOINT_COUNT + 1)]
+        self._flange = model.site(prefix + _FLANGE).id
         self._body = 0
         self._at: NDArray[np.float64] = np.zeros(3)
         self._push: Push | None = None
@@ -28,7 +28,7 @@ class Pushes:
 
     def begin(self, push: Push, steps: int) -> None:
         """Push for that many steps, instead of what pushed before."""
-        self._data.xfrc_applied[:] = 0.0
+        self._data.xfrc_applied[self._body] = 0.0
         self._push = push
         self._steps_left = steps
         self._body = self._bodies[push.link - 1]

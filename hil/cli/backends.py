@@ -1,127 +1,157 @@
-"""``hil backends [NAME]``: which robot sides are installed, and what each can do."""
+"""``hil backends``: the robot sides that are installed, and what they can do."""
 
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from hil.cli.json_output import JsonOutput
-from hil.values.errors import ConfigurationError
+from hil.cli.plain import plain
+from hil.values.arm import Capabilities
+from hil.values.backend import BACKEND_GROUP
 
 if TYPE_CHECKING:
-    from hil.values.arm import Capabilities
-    from hil.values.backend import BackendPlugin
+    from backends.installed import InstalledBackend
 
-
-class Offer(NamedTuple):
-    """One backend; ``problem`` is why it cannot be used here, empty where it can."""
-
-    name: str
-    origin: str
-    problem: str
-    plugin: "BackendPlugin | None"
-    capabilities: "Capabilities | None"
+_WIDTH_IN_A_FILE = 140
 
 
 def backends(
-    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="Tell all of this one, its options too.")] = None,
-    json_file: Annotated[str | None, typer.Option("--json", metavar="FILE|-", help="Write it as JSON.")] = None,
+    name: Annotated[str | None, typer.Argument(help="One backend, with its options.")] = None,
+    json_file: Annotated[
+        str | None, typer.Option("--json", metavar="FILE|-", help="Write it as JSON; - prints it and nothing else.")
+    ] = None,
 ) -> None:
-    """List the installed robot sides, ours and everybody's, with what they can do."""
-    from backends.registry import backend_names, load_plugin
+    """Show the robot sides that are installed: ours, and those of other packages. See: hil run --backend."""
+    from backends.installed import installed_backend, installed_backends
 
     output = JsonOutput(json_file)
-    if name is not None:
-        load_plugin(name)
-    offers = [_offer(one) for one in (backend_names() if name is None else (name,))]
-    output.write({offer.name: _as_dict(offer) for offer in offers})
+    found = installed_backends() if name is None else (installed_backend(name),)
+    output.write({one.name: _as_dict(one) for one in found})
     if output.alone:
         return
     console = Console(highlight=False)
+    # In a file there is room for all of it.
+    wide = console if console.is_terminal else Console(highlight=False, width=_WIDTH_IN_A_FILE)
     if name is None:
-        _list(console, offers)
-    else:
-        _tell(console, offers[0])
+        wide.print(_overview(found))
+        console.print(
+            f"From the entry points {BACKEND_GROUP!r}. Options of one: hil backends NAME", style="dim", soft_wrap=True
+        )
+        return
+    wide.print(_card(found[0]))
+    if found[0].plugin is not None and found[0].plugin.options_help:
+        options = Table("option", r"\[robot.options] of a station file, or hil run --option NAME=VALUE")
+        for option, text in found[0].plugin.options_help.items():
+            options.add_row(plain(str(option)), plain(str(text)))
+        wide.print(options)
 
 
-def _offer(name: str) -> Offer:
-    from backends.registry import load_plugin, missing_of, origin_of
+def _overview(found: tuple["InstalledBackend", ...]) -> Table:
+    table = Table("backend", "what it is", "can do", "cycle", "from", title="backends", show_lines=True)
+    for one in found:
+        capabilities, plugin = one.capabilities, one.plugin
+        summary = [plain(str(plugin.summary))] if plugin is not None else []
+        if one.problem:
+            summary.append(f"[red]{plain(one.problem)}[/red]")
+        table.add_row(
+            plain(one.name),
+            "\n".join(summary),
+            "-" if capabilities is None or plugin is None else ", ".join(_abilities(capabilities, plugin.replays)),
+            "-" if capabilities is None else _cycle(capabilities),
+            plain(one.origin),
+        )
+    return table
 
-    try:
-        plugin = load_plugin(name)
-        capabilities = plugin.capabilities()
-    except ConfigurationError as error:
-        return Offer(name, origin_of(name), str(error), None, None)
-    except Exception as error:  # noqa: BLE001  # somebody else's code: whatever it raises is a line of the table
-        return Offer(name, origin_of(name), f"{type(error).__name__}: {error}", None, None)
-    missing = missing_of(plugin)
-    return Offer(name, origin_of(name), f"needs: {missing}" if missing else "", plugin, capabilities)
+
+def _abilities(capabilities: Capabilities, replays: bool) -> Iterator[str]:
+    yield "positions"
+    if capabilities.takes_torque:
+        yield "torques"
+    if capabilities.passes_overlays:
+        yield f"overlays ({_overlays(capabilities)})"
+    if capabilities.torque_sigma_nm is not None:
+        yield "torque sensors"
+    if capabilities.can_be_pushed:
+        yield "push"
+    if capabilities.switches_drives:
+        yield "drops its drives"
+    if capabilities.has_own_operator:
+        yield "own operator"
+    if capabilities.paces_the_cycle:
+        yield "paces the cycle"
+    if capabilities.moves_real_drives:
+        yield "[bold]real drives[/bold]"
+    if replays:
+        yield "replays"
 
 
-def _facts(capabilities: "Capabilities", plugin: "BackendPlugin") -> dict[str, Any]:
+def _card(one: "InstalledBackend") -> Table:
+    table = Table("", plain(one.name))
+    table.add_row("from", plain(one.origin))
+    if one.problem:
+        table.add_row("cannot be used", f"[red]{plain(one.problem)}[/red]")
+    if one.plugin is not None:
+        table.add_row("what it is", plain(str(one.plugin.summary)))
+        table.add_row("a recording of it replays", _yes(one.plugin.replays))
+    if one.capabilities is not None:
+        for label, text in _rows(one.capabilities):
+            table.add_row(label, text)
+    return table
+
+
+def _rows(capabilities: Capabilities) -> Iterator[tuple[str, str]]:
+    sigma = capabilities.torque_sigma_nm
+    yield "joints", str(capabilities.joint_count)
+    yield "takes torques", _yes(capabilities.takes_torque)
+    yield "overlays it runs itself", _overlays(capabilities) or "none"
+    yield "torque sensors", "no" if sigma is None else "noise " + ", ".join(f"{one:g}" for one in sigma) + " Nm"
+    yield "can be pushed", _yes(capabilities.can_be_pushed)
+    yield "drives can be dropped from here", _yes(capabilities.switches_drives)
+    yield "mode selector and enabling are there", _yes(capabilities.has_own_operator)
+    yield "control cycle", _cycle(capabilities)
+    yield "its messages pace the cycle", _yes(capabilities.paces_the_cycle)
+    yield "moves real drives", _yes(capabilities.moves_real_drives)
+
+
+def _yes(value: bool) -> str:
+    return "yes" if value else "no"
+
+
+def _overlays(capabilities: Capabilities) -> str:
+    return ", ".join(sorted(map(str, capabilities.passes_overlays)))
+
+
+def _cycle(capabilities: Capabilities) -> str:
+    return f"{capabilities.shortest_period_ns / 1e6:g} ... {capabilities.longest_period_ns / 1e6:g} ms"
+
+
+def _as_dict(one: "InstalledBackend") -> dict[str, object]:
+    plugin, capabilities = one.plugin, one.capabilities
     return {
-        "takes": ", ".join(["positions", *(["torques"] if capabilities.takes_torque else [])]),
-        "overlays passed on": ", ".join(sorted(capabilities.passes_overlays)) or "none",
-        "torque sensors": capabilities.torque_sigma_nm is not None,
-        "can be pushed": capabilities.can_be_pushed,
-        "drives dropped from here": capabilities.switches_drives,
-        "mode and enabling are there": capabilities.has_own_operator,
-        "cycle, ms": f"{capabilities.shortest_period_ns / 1e6:g} ... {capabilities.longest_period_ns / 1e6:g}",
-        "paces the cycle": capabilities.paces_the_cycle,
-        "moves real drives": capabilities.moves_real_drives,
-        "recordings replay": plugin.replays,
+        "from": one.origin,
+        "problem": one.problem,
+        "summary": None if plugin is None else str(plugin.summary),
+        "replays": None if plugin is None else bool(plugin.replays),
+        "options": None if plugin is None else {str(name): str(text) for name, text in plugin.options_help.items()},
+        "capabilities": None if capabilities is None else _capabilities_as_dict(capabilities),
     }
 
 
-def _as_dict(offer: Offer) -> dict[str, object]:
-    about: dict[str, object] = {"origin": offer.origin, "problem": offer.problem}
-    if offer.plugin is not None and offer.capabilities is not None:
-        about |= {
-            "summary": offer.plugin.summary,
-            "capabilities": _facts(offer.capabilities, offer.plugin),
-            "options": dict(offer.plugin.options_help),
-        }
-    return about
-
-
-def _list(console: Console, offers: list[Offer]) -> None:
-    table = Table("", *(escape(offer.name) for offer in offers), title="backends")
-    facts = [
-        _facts(offer.capabilities, offer.plugin) if offer.capabilities is not None and offer.plugin is not None else {}
-        for offer in offers
-    ]
-    for what in next(filter(None, facts), {}):
-        table.add_row(what, *(_told(one.get(what, "-")) for one in facts))
-    console.print(table)
-    for offer in offers:
-        summary = "" if offer.plugin is None else offer.plugin.summary
-        problem = f"  [red]{escape(offer.problem)}[/red]" if offer.problem else ""
-        origin = f"  [dim]{escape(offer.origin)}[/dim]"
-        console.print(f"[bold]{escape(offer.name)}[/bold]  {escape(summary)}{problem}{origin}", soft_wrap=True)
-    console.print("hil backends NAME lists the options of one", style="dim")
-
-
-def _tell(console: Console, offer: Offer) -> None:
-    console.print(f"[bold]{escape(offer.name)}[/bold]  from {escape(offer.origin)}")
-    if offer.problem:
-        console.print(f"[red]{escape(offer.problem)}[/red]", soft_wrap=True)
-    if offer.plugin is None or offer.capabilities is None:
-        return
-    console.print(escape(offer.plugin.summary), soft_wrap=True)
-    table = Table("capability", "")
-    for what, value in _facts(offer.capabilities, offer.plugin).items():
-        table.add_row(what, _told(value))
-    console.print(table)
-    if not offer.plugin.options_help:
-        console.print("it has no options")
-        return
-    options = Table("option", "\\[robot.options] of the station file, or hil run --option NAME=VALUE")
-    for option, text in offer.plugin.options_help.items():
-        options.add_row(escape(option), escape(text))
-    console.print(options)
-
-
-def _told(value: object) -> str:
-    return ("yes" if value else "no") if isinstance(value, bool) else escape(str(value))
+def _capabilities_as_dict(capabilities: Capabilities) -> dict[str, object]:
+    sigma = capabilities.torque_sigma_nm
+    return {
+        "joint_count": capabilities.joint_count,
+        "takes_torque": capabilities.takes_torque,
+        "torque_sigma_nm": None if sigma is None else list(sigma),
+        "passes_overlays": sorted(map(str, capabilities.passes_overlays)),
+        "can_be_pushed": capabilities.can_be_pushed,
+        "switches_drives": capabilities.switches_drives,
+        "has_own_operator": capabilities.has_own_operator,
+        "shortest_period_ns": capabilities.shortest_period_ns,
+        "longest_period_ns": capabilities.longest_period_ns,
+        "paces_the_cycle": capabilities.paces_the_cycle,
+        "moves_real_drives": capabilities.moves_real_drives,
+    }

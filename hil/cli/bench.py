@@ -293,6 +293,39 @@ def chain(  # noqa: PLR0917  # typer makes the options of the parameters
     _print_bounds(console, bounds)
 
 
+@app.command()
+def can402(
+    robot: Robot = "lbr-iiwa-14-r820",
+    cycles: Annotated[int, typer.Option(min=100, help="Cycles to measure.")] = 5000,
+    as_json: AsJson = False,
+) -> None:
+    """A cycle of seven CiA 402 drives on python-can's virtual bus, the simulated drives included."""
+    from dataclasses import asdict
+
+    from backends.registry import check_backend
+    from tools.bench.can402 import CYCLE_MS, bench_can402
+    from tools.bench.machine import machine
+
+    check_backend("can402")
+    with _progress("cycles", cycles) as (bar, task):
+        report = bench_can402(robot=robot, cycles=cycles, progress=lambda done: bar.update(task, completed=done))
+    if as_json:
+        found = {"machine": machine(), **asdict(report), "bounds": [bound._asdict() for bound in report.bounds()]}
+        typer.echo(json.dumps(found, indent=2))
+        return
+    console = Console()
+    _print_machine(console, machine())
+    table = Table("", "p50 us", "p99 us", "p99.9 us", "max us", title=f"seven drives, {report.cycles} cycles")
+    table.add_row("write, SYNC, drives, read", *_numbers(report.cycle_us))
+    console.print(table)
+    console.print(
+        f"{report.over} cycles took more than {CYCLE_MS} ms; a bus of 1 Mbit/s would be full to "
+        f"{report.bus_load_percent:g} %",
+        highlight=False,
+    )
+    _print_bounds(console, report.bounds())
+
+
 def _motion(name: str) -> "BenchMotion":
     from tools.bench.clients import BenchMotion
 

@@ -35,6 +35,7 @@ def _add_commands(first: str) -> None:
         from hil.cli import (
             backends,
             bench,
+            can_drives,
             capture,
             config,
             conformance,
@@ -51,13 +52,14 @@ def _add_commands(first: str) -> None:
         )
 
         app.command("run")(run.run)
+        app.command("backends")(backends.backends)
         app.command("demo")(demo.demo)
         app.command("dissector")(dissector.dissector)
         app.command("impair")(impair.impair)
         app.command("replay")(replay.replay)
         app.command("shadow")(shadow.shadow)
         app.command("step-response")(step_response.step_response)
-        app.command("backends")(backends.backends)
+        app.command("can-drives")(can_drives.can_drives)
         app.command("conformance")(conformance.conformance)
         app.command("report")(report.report)
         app.add_typer(bench.app, name="bench")

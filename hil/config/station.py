@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from hil.config.control import ControlConfig
 from hil.config.frames import FrameConfig, LoadConfig, PoseConfig, ToolConfig, frame_tree
 from hil.config.limits import LimitsConfig
+from hil.config.objects import ObjectConfig
 from hil.config.ring import parse_ring
 from hil.config.signals import GroupConfig, signals
 from hil.core.settings import (
@@ -27,6 +28,7 @@ from hil.values.link import Address
 from hil.values.load import NO_LOAD, Load
 from hil.values.servo import SERVO_PORT
 from hil.values.signals import Signal, check_message_fits
+from hil.values.surroundings import SceneArm, Surroundings
 from hil.values.tcp_probe import Behaviour
 
 
@@ -209,6 +211,21 @@ class RobotConfig(_Model):
         """Return what hangs on the flange of a simulated arm."""
         return self.told_load() if self.load is None else self.load.load()
 
+    def scene_arm(self) -> SceneArm:
+        """Return the robot as the others of its station see it."""
+        tree, mounted = self.frames(), next((tool for tool in self.tool if tool.mounted), None)
+        names = () if mounted is None else (mounted.name, *(frame.name for frame in mounted.frame))
+        return SceneArm(
+            name=self.name,
+            model=self.model,
+            backend=self.backend,
+            options=self.options,
+            base_in_world=self.base.pose(),
+            load=self.true_load(),
+            cycle_ns=self.cycle_ms * 1_000_000,
+            touches_m=tuple(tree.in_flange(name).position_m for name in names),
+        )
+
     def signals(self) -> tuple[Signal, ...]:
         """Return the robot's inputs and outputs; raise :class:`ConfigurationError` where they cannot be."""
         return signals(self.io)
@@ -250,7 +267,14 @@ class Station(_Model):
     tcp_probe: Annotated[
         TcpProbeConfig | None, Field(description="responder for hil doctor tcp; leave the section out for none")
     ] = None
+    object: Annotated[tuple[ObjectConfig, ...], Field(max_length=64, description="what simulated arms can touch")] = ()
     robot: Annotated[list[RobotConfig], Field(min_length=1, max_length=16, description="the robots")]
+
+    def surroundings(self) -> Surroundings:
+        """Return what stands around the robots, for all of them; a new one each time."""
+        return Surroundings(
+            tuple(one.scene_object() for one in self.object), tuple(robot.scene_arm() for robot in self.robot)
+        )
 
     @field_validator("capture_ring")
     @classmethod
@@ -265,6 +289,9 @@ class Station(_Model):
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ConfigurationError(f"two robots have the name {twice[0]!r}; each needs its own")
+        objects = [one.name for one in self.object]
+        if twice := sorted({name for name in objects if objects.count(name) > 1}):
+            raise ConfigurationError(f"two objects have the name {twice[0]!r}; each needs its own")
         _refuse_shared("FRI client", [robot.fri.client for robot in self.robot if robot.fri is not None])
         binds = [robot.servo.bind for robot in self.robot if robot.servo is not None]
         _refuse_shared("servo address", [bind for bind in binds if not bind.endswith(":0")])

@@ -15,7 +15,7 @@ realtime = false              # ask for SCHED_FIFO, locked memory and a CPU
 [[robot]]                     # repeat this section for more robots
 name = "arm"
 model = "lbr-iiwa-14-r820"    # lbr-iiwa-7-r800, lbr-iiwa-14-r820, lbr-med-7, lbr-med-14
-backend = "mujoco"            # mujoco, ideal
+backend = "mujoco"            # mujoco, ideal, cabinet, can402, or one of another package: hil backends
 mode = "AUT"                  # T1, T2, AUT
 enabled = false               # begin T1 and T2 with the enabling switch held and the start key pressed
 cycle_ms = 1                  # 1, 2, 4, 5
@@ -24,6 +24,8 @@ seed = 0                      # of the simulated sensor noise
 # inputs and outputs, Group.Name: boolean, digital or analog; hil pad io sets inputs, the FRI client sets outputs
 # io = [{ name = "FRI", signal = [{ name = "Out_Lamp", type = "boolean", direction = "output" }] }]
 permissive = false            # monitors only report what would have stopped the arm; never with real drives
+
+# [robot.options]             # of the backend, each has its own: hil backends NAME
 
 [robot.limits]                # tighter than the robot's own; seven numbers each, A1 first
 t1_flange_speed_mm_s = 250.0  # at most 250

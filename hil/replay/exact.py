@@ -114,6 +114,7 @@ class ExactReplay:
         self._routes: dict[tuple[str, int], tuple[_Robot, str]] = {}
         self._sources: dict[tuple[str, tuple[str, int]], Source] = {}
         try:
+            self._surroundings = header.station.surroundings()
             for number, start in enumerate(header.robots):
                 self._add(start, header.config(number))
         except BaseException:
@@ -122,7 +123,7 @@ class ExactReplay:
 
     def _add(self, start: RobotStart, config: RobotConfig) -> None:
         """Make a robot's fresh controller."""
-        parts = open_parts(config)
+        parts = open_parts(config, surroundings=self._surroundings)
         try:
             if start.robot_side is not None:
                 first = start.robot_side

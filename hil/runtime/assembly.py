@@ -18,6 +18,7 @@ from hil.values.fri_messages import ControllerCodec
 from hil.values.link import Address
 from hil.values.robot import RobotDescription, Seven
 from hil.values.servo import SERVO_PORT, ServoControllerCodec
+from hil.values.surroundings import Surroundings
 from hil.version import SOFTWARE
 from transport.fri import FriCodec
 from transport.servo import ServoCodec, load_key
@@ -62,8 +63,8 @@ def robot_description(config: RobotConfig) -> RobotDescription:
     return config.limits.tighten(load_description(config.model))
 
 
-def backend_of(config: RobotConfig, description: RobotDescription) -> Backend:
-    """Return the robot side a configuration names, not yet open.
+def backend_of(config: RobotConfig, description: RobotDescription, surroundings: Surroundings | None = None) -> Backend:
+    """Return the robot side a configuration names, not yet open; without ``surroundings`` it stands alone.
 
     Raises :class:`UnknownName` or :class:`ConfigurationError`.
     """
@@ -78,6 +79,7 @@ def backend_of(config: RobotConfig, description: RobotDescription) -> Backend:
             load=config.true_load(),
             torque_noise=config.torque_noise,
             base_in_world=config.base.pose(),
+            surroundings=surroundings or Surroundings(arms=(config.scene_arm(),)),
         ),
     )
 
@@ -97,8 +99,12 @@ def make_servo_codec(config: ServoConfig) -> ServoCodec:
     return ServoCodec(None if config.key_file is None else load_key(config.key_file))
 
 
-def open_parts(config: RobotConfig, *, initial_position_rad: Seven | None = None) -> RobotParts:
+def open_parts(
+    config: RobotConfig, *, initial_position_rad: Seven | None = None, surroundings: Surroundings | None = None
+) -> RobotParts:
     """Load a robot's models and open its backend, which the caller closes; the arm begins as described, or there.
+
+    ``surroundings`` are those of its station, the same object for all its robots.
 
     Raises :class:`ConfigurationError`, :class:`UnknownName` or :class:`BackendError`.
     """
@@ -106,7 +112,7 @@ def open_parts(config: RobotConfig, *, initial_position_rad: Seven | None = None
     if initial_position_rad is not None:
         description = replace(description, initial_position_rad=initial_position_rad)
     servo_codec = None if config.servo is None else make_servo_codec(config.servo)
-    backend = backend_of(config, description)
+    backend = backend_of(config, description, surroundings)
     if backend.capabilities.moves_real_drives and (config.permissive or config.enabled):
         wish = "permissive" if config.permissive else "enabled"
         raise ConfigurationError(f"{config.name}: the backend {config.backend} moves real drives: never {wish}")

@@ -29,6 +29,7 @@ from hil.values.errors import BackendError
 from hil.values.fri import DriveState
 from hil.values.link import Address, Source
 from hil.values.operator import OperatorAction
+from hil.values.surroundings import Surroundings
 from transport.udp import Arrival, open_peer_endpoint, open_server_endpoint
 
 CATCH_UP_MOST = 20
@@ -56,6 +57,7 @@ class RobotProcess:
         on_fault: Callable[[], None],
         number: int = 0,
         say: Callable[[str], None] = lambda _line: None,
+        surroundings: Surroundings | None = None,
     ) -> None:
         self.config = config
         self.addresses = addresses
@@ -71,6 +73,7 @@ class RobotProcess:
         self._robot_side_pacer: PeerPacer | None = None
         self._first_message: FirstMessage | None = None
         self._say = say
+        self._surroundings = surroundings
         self._ports: dict[str, Port] = {}
         self._stopping = asyncio.Event()
         self._drives = DriveState.ACTIVE
@@ -149,7 +152,7 @@ class RobotProcess:
             self._ports[FRI_LINK] = self._fri_port
         if servo is not None:
             self._ports[SERVO_LINK] = ServoPort(await open_server_endpoint(servo))
-        self._parts = open_parts(self.config)
+        self._parts = open_parts(self.config, surroundings=self._surroundings)
         if isinstance(self._parts.backend, PeerBackend):
             await self._meet_robot_side(self._parts.backend)
 

@@ -65,6 +65,7 @@ class _Run:
         self._captures: Captures | None = None
         self._probe: TcpProbe | None = None
         self._epoch_ns = 0
+        self._surroundings = station.surroundings()
 
     async def run(self) -> RunResult:
         # Signals ask for an orderly end from here to the last written byte, however often they come.
@@ -113,6 +114,7 @@ class _Run:
             tell=self._tell,
             on_fault=self._stop,
             say=self._console.say,
+            surroundings=self._surroundings,
         )
 
     def _open_captures(self) -> "Captures | None":

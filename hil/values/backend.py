@@ -8,6 +8,7 @@ from hil.values.arm import Backend, Capabilities
 from hil.values.load import NO_LOAD, Load
 from hil.values.pose import NOWHERE, Pose
 from hil.values.robot import RobotDescription
+from hil.values.surroundings import Surroundings
 
 BACKEND_GROUP: Final = "hil.backends"
 """Entry point group: each entry's name is what a station file calls the backend, its value a :class:`BackendPlugin`."""
@@ -27,6 +28,8 @@ class BackendRequest:
     """What truly hangs on the flange of a simulated arm."""
     torque_noise: bool = True
     base_in_world: Pose = NOWHERE
+    surroundings: Surroundings = field(default_factory=Surroundings)
+    """What else is in the station; the same object for all its robots."""
 
 
 @dataclass(frozen=True, slots=True)

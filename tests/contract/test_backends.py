@@ -1,4 +1,4 @@
-"""One contract, every robot side."""
+"""What the arms that live in this process do beyond the contract of all robot sides (test_contract.py)."""
 
 from collections.abc import Iterator
 
@@ -9,7 +9,7 @@ from backends.ideal import IdealBackend
 from backends.mujoco import MujocoBackend
 from backends.robots import load_description, robot_names
 from hil.values.arm import ArmState, Backend, JointCommand, Push, seven
-from hil.values.errors import BackendError, ConfigurationError
+from hil.values.errors import BackendError
 from hil.values.fri import DriveState
 from hil.values.robot import RobotDescription, Seven
 
@@ -68,23 +68,6 @@ def test_it_tells_what_it_can_do(backend: InProcessBackend) -> None:
     assert capabilities.switches_drives
 
 
-def test_nothing_works_before_open_and_after_close(backend: InProcessBackend) -> None:
-    for _ in range(2):
-        for call in (
-            backend.read,
-            backend.step,
-            lambda: backend.write(JointCommand(STILL, STILL)),
-            lambda: backend.switch_drives(on=True),
-            lambda: backend.switch_drives(on=False),
-        ):
-            with pytest.raises(BackendError, match="that is not open"):
-                call()
-        backend.open(period_ns=PERIOD_NS)
-        backend.read()
-        backend.close()
-        backend.close()
-
-
 def test_open_is_idempotent_and_does_not_move(backend: InProcessBackend, description: RobotDescription) -> None:
     backend.open(period_ns=PERIOD_NS)
     first = backend.read()
@@ -92,20 +75,6 @@ def test_open_is_idempotent_and_does_not_move(backend: InProcessBackend, descrip
     assert backend.read().position_rad == first.position_rad == description.initial_position_rad
     assert first.velocity_rad_s == STILL
     assert first.drive_states == ACTIVE
-
-
-def test_a_period_it_cannot_keep_is_refused(backend: InProcessBackend) -> None:
-    for period_ns in (500_000, 1_500_000):
-        with pytest.raises(ConfigurationError, match="is no multiple of this backend's 1 ms"):
-            backend.open(period_ns=period_ns)
-
-
-def test_it_holds_still_for_a_second(backend: InProcessBackend, description: RobotDescription) -> None:
-    backend.open(period_ns=PERIOD_NS)
-    hold(backend, description.initial_position_rad, 1000)
-    state = backend.read()
-    assert state.position_rad == pytest.approx(description.initial_position_rad, abs=1e-4)
-    assert state.velocity_rad_s == pytest.approx(STILL, abs=1e-4)
 
 
 @pytest.mark.parametrize("cycle_ms", [1, 2, 4, 5])
@@ -116,15 +85,6 @@ def test_it_follows_a_ramp_in_every_cycle_time(
     state = ramp(backend, description.initial_position_rad, cycle_ms=cycle_ms, cycles=400 // cycle_ms)
     assert state.position_rad == pytest.approx(shifted(description.initial_position_rad, SPEED_RAD_S * 0.4), abs=2e-3)
     assert state.velocity_rad_s == pytest.approx((SPEED_RAD_S,) * 7, abs=0.02)
-
-
-def test_what_it_returns_is_a_copy(backend: InProcessBackend, description: RobotDescription) -> None:
-    backend.open(period_ns=PERIOD_NS)
-    before = backend.read()
-    kept = before.position_rad
-    hold(backend, shifted(description.initial_position_rad, 1e-3), 50)
-    assert before.position_rad == kept == description.initial_position_rad
-    assert backend.read().position_rad != kept
 
 
 def test_the_sample_grows_by_one_with_every_step(backend: InProcessBackend) -> None:

@@ -12,6 +12,7 @@ from hil.clock import elapsed_ns
 
 class _EveryRobot(DrivesContract):
     elapsed_ns = staticmethod(elapsed_ns)
+    still_rad_s = 1e-4
     robot = ""
 
     @pytest.fixture(autouse=True, params=robot_names())

@@ -13,17 +13,14 @@ from hypothesis import strategies as st
 
 from backends.can402 import PLUGIN, objects
 from backends.can402.backend import Can402Backend
-from backends.can402.bus_load import MOST_LOAD, bus_load, check_bus_load, frame_bits
+from backends.can402.bus_load import MOST_LOAD, bus_load, check_bus_load
 from backends.can402.drive import Drive
-from backends.can402.error_codes import error_in_words
 from backends.can402.options import AxisOptions, Can402Options, parse_options
 from backends.can402.scaling import AxisScale
 from backends.can402.simulated import EDS, DriveFault, SimulatedDrive
-from backends.can402.simulated.drive import COUNTS_PER_RAD
 from backends.can402.state_machine import (
     DISABLE_VOLTAGE,
     ENABLE,
-    FAULT_RESET,
     QUICK_STOP,
     SHUTDOWN,
     SWITCH_ON,
@@ -147,11 +144,6 @@ def test_a_scale_by_hand() -> None:
 
 
 # --- the bus
-
-
-def test_frame_lengths_by_hand() -> None:
-    """47 bits, 8 a byte, one stuffed bit after each fourth of what is stuffed: the literature's 55 ... 135."""
-    assert [frame_bits(data) for data in (0, 1, 6, 8)] == [55, 65, 115, 135]
 
 
 def test_the_load_of_a_cycle_by_hand() -> None:
@@ -372,7 +364,10 @@ def test_what_failed_to_open_opens_once_the_drive_is_right(rig: SimulatedDrivesR
     ("fault", "sentence"),
     [
         (DriveFault.LOST, "node 3 (A3) is lost: no answer to the last 3 SYNCs"),
-        (DriveFault.OTHER_NODE, "node 4 (A4) answered one SYNC twice: two drives have the same node number"),
+        (
+            DriveFault.OTHER_NODE,
+            "node 4 (A4) answers more often than it is asked: two drives have the same node number",
+        ),
         (DriveFault.STRANGER, "the bus carries process data of node 99, which is none of this station's (1, 2, 3,"),
     ],
 )
@@ -479,13 +474,6 @@ def test_a_drive_that_leaves_operation_enabled_by_itself_is_a_failure(rig: Simul
     assert {drive.state for drive in rig.drives.drives} == {PowerState.DISABLED}
 
 
-def test_a_drive_that_is_never_enabled_is_named(rig: SimulatedDrivesRig) -> None:
-    failing_drives(rig, DriveFault.STUCK)
-    rig.open(period_ns=PERIOD_NS)
-    cycles(rig, 1255)
-    assert rig.backend.condition().failure == "node 3 (A3) is not enabled after 5 s: it is switch on disabled"
-
-
 def test_an_answer_that_comes_late_is_no_second_drive() -> None:
     drive = Drive("node 1 (A1)", AxisScale(AxisOptions()), lost_after=3, heartbeat_ms=100)
     drive.began(0x27, 0)
@@ -493,9 +481,9 @@ def test_an_answer_that_comes_late_is_no_second_drive() -> None:
     drive.synchronised()
     drive.count_silence(PERIOD_NS)
     drive.synchronised()
-    assert not drive.answer(0, answer), "that of the cycle before"
-    assert not drive.answer(0, answer)
-    assert "answered one SYNC twice" in drive.answer(0, answer)
+    for late in range(4):
+        assert not drive.answer(0, answer), late
+    assert "answers more often than it is asked" in drive.answer(0, answer)
 
 
 @given(data=st.binary(max_size=8), identifier=st.integers(0x081, 0x7FF))
@@ -556,11 +544,3 @@ def test_the_eds_file_describes_the_simulated_drive() -> None:
         value = drive._value(index, sub)
         assert value is not None, f"{index:04X}h"
         assert len(value) * 8 == len(variable), f"{index:04X}h"
-
-
-def test_codes_in_words() -> None:
-    assert error_in_words(0x9001) == "fault 0x9001 (external)"
-    assert error_in_words(0) == "fault without a code"
-    assert error_in_words(0x1234) == "fault 0x1234"
-    assert FAULT_RESET == 0x80
-    assert pytest.approx(AxisScale(AxisOptions()).counts_per_rad) == COUNTS_PER_RAD

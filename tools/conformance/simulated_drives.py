@@ -1,6 +1,7 @@
 """The backend ``can402`` on the bench: seven simulated drives at the other end of python-can's virtual bus."""
 
 from backends.can402.backend import Can402Backend
+from backends.can402.bus_load import BusLoad
 from backends.can402.options import Can402Options
 from backends.can402.scaling import AxisScale
 from backends.can402.simulated import DriveFault, SimulatedDrives
@@ -32,6 +33,11 @@ class SimulatedDrivesRig(Rig):
         if self._backend.simulated is None:
             raise ValueError("the drives are there once the backend was opened")
         return self._backend.simulated
+
+    @property
+    def load(self) -> BusLoad | None:
+        """How full a cycle would make the bus; known once the backend was opened."""
+        return self._backend.load
 
     def true_position_rad(self) -> Seven:
         """Where the drives count themselves to be."""

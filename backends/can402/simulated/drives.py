@@ -27,10 +27,13 @@ class SimulatedDrives:
         theirs = can.Bus(interface="virtual", channel=self._channel)
         return _SimulatedWire(ours, Wire(theirs), self, period_ns)
 
-    def pump(self, wire: Wire, *, period_ns: int, most: int = MOST_FRAMES_AT_ONCE) -> int:
-        """Let the drives take what has come on their side of the bus, and answer; return how many frames came."""
+    def pump(self, wire: Wire, *, period_ns: int, wait_s: float = 0.0, most: int = MOST_FRAMES_AT_ONCE) -> int:
+        """Let the drives take what has come on their side of the bus, and answer; return how many frames came.
+
+        The first one is waited for, ``wait_s`` at most.
+        """
         for taken in range(most):
-            frame = wire.receive()
+            frame = wire.receive(0.0 if taken else wait_s)
             if frame is None:
                 return taken
             for drive in self.drives:

@@ -1,0 +1,32 @@
+"""``[robot.options]`` of the backend ``elastic``."""
+
+from collections.abc import Mapping
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from hil.values.errors import ConfigurationError
+
+
+class ElasticOptions(BaseModel):
+    """How soft the joints are, all seven alike."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+    frequency_hz: Annotated[float, Field(ge=1.0, le=40.0)] = 12.0
+    damping_ratio: Annotated[float, Field(ge=0.05, le=2.0)] = 0.7
+
+
+def parse_options(options: Mapping[str, object]) -> ElasticOptions:
+    """Return the options; raise :class:`ConfigurationError` in one sentence."""
+    try:
+        return ElasticOptions.model_validate(dict(options))
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        name = ".".join(map(str, first["loc"]))
+        if first["type"] == "extra_forbidden":
+            valid = ", ".join(ElasticOptions.model_fields)
+            raise ConfigurationError(f"options of the backend elastic: there is no {name!r}; valid: {valid}") from None
+        raise ConfigurationError(
+            f"options of the backend elastic: {name}: {first['msg']}, got {first['input']!r}"
+        ) from None
