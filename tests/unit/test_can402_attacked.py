@@ -8,7 +8,7 @@ from typing import Any
 
 import can
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from backends.can402 import PLUGIN, objects
@@ -35,7 +35,10 @@ from backends.robots import load_description
 from hil.values.arm import ArmState, JointCommand, seven
 from hil.values.errors import BackendError, ConfigurationError
 from hil.values.fri import DriveState
-from hil.values.robot import Seven
+from hil.values.motion import MotionKind
+from hil.values.operator import PadKey, StopCategory
+from hil.values.robot import RobotDescription, Seven
+from tests.support.servo_virtual import Application, ServoBench
 from tools.conformance.simulated_drives import SimulatedDrivesRig
 
 DESCRIPTION = load_description("lbr-iiwa-14-r820")
@@ -117,6 +120,7 @@ def test_every_status_word_is_one_state_whatever_its_other_bits() -> None:
         assert power_state(word) is power_state(word & 0x6F | 0x10)
 
 
+@settings(max_examples=50)
 @given(
     counts_per_turn=st.integers(1, 1 << 24),
     gear=st.floats(0.1, 200.0),
@@ -415,7 +419,7 @@ def test_a_fault_is_told_with_its_code_and_reset_when_somebody_says_so(
 def test_a_fault_that_stays_is_counted(rig: SimulatedDrivesRig) -> None:
     ready(rig)
     drive = rig.drives.drives[A3]
-    for attempt in range(1, 4):
+    for attempt in range(1, 3):
         drive.fail(0x4310)
         cycles(rig, 5)
         rig.backend.resume()
@@ -486,6 +490,7 @@ def test_an_answer_that_comes_late_is_no_second_drive() -> None:
     assert "answers more often than it is asked" in drive.answer(0, answer)
 
 
+@settings(max_examples=50)
 @given(data=st.binary(max_size=8), identifier=st.integers(0x081, 0x7FF))
 def test_nothing_on_the_bus_raises(data: bytes, identifier: int) -> None:
     rig = _FUZZED[0] if _FUZZED else SimulatedDrivesRig(DESCRIPTION)
@@ -544,3 +549,61 @@ def test_the_eds_file_describes_the_simulated_drive() -> None:
         value = drive._value(index, sub)
         assert value is not None, f"{index:04X}h"
         assert len(value) * 8 == len(variable), f"{index:04X}h"
+
+
+# --- under a controller
+
+
+def drives_of(description: RobotDescription) -> Can402Backend:
+    return Can402Backend(Can402Options(simulated=True), start_rad=description.initial_position_rad)
+
+
+@pytest.fixture
+def bench() -> Iterator[ServoBench]:
+    made = ServoBench(backend=drives_of, cycle_ms=4)  # type: ignore[arg-type]  # any backend will do
+    made.run(0.1)
+    yield made
+    made.backend.close()
+
+
+def moving_application(bench: ServoBench) -> list[SimulatedDrive]:
+    application = Application(bench, watchdog_ms=1000)
+    application.join()
+    start = bench.controller.arm.position_rad
+    application.start(MotionKind.PTP, (start[0] + 0.8, *start[1:]))
+    bench.run(0.4)
+    assert bench.controller.arm.position_rad[0] > start[0] + 0.02
+    backend: object = bench.backend
+    assert isinstance(backend, Can402Backend)
+    assert backend.simulated is not None
+    return backend.simulated.drives
+
+
+def test_the_stop_for_a_lost_drive_is_acknowledged_when_it_is_back_and_not_before(bench: ServoBench) -> None:
+    lost = moving_application(bench)[3]
+    lost.faults.add(DriveFault.LOST)
+    bench.run(0.5)
+    told = "node 4 (A4) is lost: no answer to the last "
+    assert bench.controller.stops[0].reason == f"{told}3 SYNCs"
+    [refused] = bench.press(PadKey.RESET)
+    assert refused.startswith(f"the arm is not known to stand still yet: {told}")
+    lost.faults.clear()
+    bench.run(0.1)
+    rest = bench.controller.arm.position_rad
+    assert not bench.press(PadKey.RESET, PadKey.START)
+    bench.run(0.2)
+    assert set(bench.controller.arm.drive_states) == {DriveState.ACTIVE}
+    assert bench.controller.arm.position_rad == pytest.approx(rest, abs=1e-5)
+    bench.run(1.2)
+    moving_application(bench)
+
+
+def test_a_fault_code_under_way_stops_the_arm_and_a_reset_lets_it_move_again(bench: ServoBench) -> None:
+    moving_application(bench)[1].fail(0x3210)
+    bench.run(0.3)
+    assert bench.controller.stops[0].reason == "node 2 (A2): fault 0x3210 (over-voltage of the DC link)"
+    assert bench.controller.stops[0].category is StopCategory.DROP
+    assert set(bench.controller.arm.drive_states) == {DriveState.OFF}
+    assert not bench.press(PadKey.RESET, PadKey.START)
+    bench.run(1.2)
+    moving_application(bench)
