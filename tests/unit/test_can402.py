@@ -357,6 +357,7 @@ def test_an_application_moves_seven_drives_and_is_told_when_one_is_lost() -> Non
     bench.run(0.3)
     assert bench.controller.arm.position_rad == rest
     assert math.dist(rest, start) > 0.02
+    bench.backend.close()
 
 
 def _drives_behind(backend: object) -> list[SimulatedDrive]:
