@@ -1,7 +1,7 @@
 """One MuJoCo model of several arms, what they carry, and what they can touch.
 
-The arms' own files have nothing that collides, because Pinocchio reads them too; here each link gets a capsule, massless,
-and a mounted tool a rod to each of its frames. An arm does not collide with itself. Radii are ours, by eye, like the look.
+The arms' own files have nothing that collides, because Pinocchio reads them too; here each link gets a massless
+capsule, and a mounted tool a rod to each of its frames. An arm does not collide with itself. Radii are ours, by eye.
 """
 
 from pathlib import Path
@@ -88,14 +88,14 @@ def _attach(spec: "mujoco.MjSpec", arm: SceneArm, number: int) -> None:
     bodies[-1].add_geom(
         type=mujoco.mjtGeom.mjGEOM_CYLINDER,
         fromto=(0.0, 0.0, 0.0, 0.0, 0.0, flange),
-        size=(_FLANGE_RADIUS_M, 0, 0),
+        size=(_FLANGE_RADIUS_M, 0.0, 0.0),
         **bits,
     )
     for x, y, z in arm.touches_m:
         if max(abs(x), abs(y), abs(z)) > _SHORTEST_TOOL_M:
             _capsule(bodies[-1], _TOOL_RADIUS_M, (x, y, flange + z), bits, begin=(0.0, 0.0, flange))
     pose = arm.base_in_world
-    frame = spec.worldbody.add_frame(pos=pose.position_m, quat=pose.quaternion)
+    frame = spec.worldbody.add_frame(pos=pose.position_m, quat=pose.quaternion_wxyz())
     spec.attach(robot, prefix=prefix_of(arm.name), frame=frame)
 
 
@@ -106,7 +106,7 @@ def _capsule(
 
 
 def _add_object(spec: "mujoco.MjSpec", one: SceneObject) -> None:
-    body = spec.worldbody.add_body(name=one.name, pos=one.pose.position_m, quat=one.pose.quaternion)
+    body = spec.worldbody.add_body(name=one.name, pos=one.pose.position_m, quat=one.pose.quaternion_wxyz())
     if one.mass_kg is not None:
         body.add_freejoint(name=one.name)
     body.add_geom(

@@ -1,7 +1,7 @@
 """One MuJoCo world that several arms share, stepped once a cycle for all of them.
 
-Each arm is driven by a controller of its own, whose cycles have a phase of their own. The world goes on when every arm that
-is open has stepped, or when one steps again while others have not: that one missed its cycle, and holds what it was told
+Each arm is driven by a controller of its own, whose cycles have a phase of their own. The world goes on when every open
+arm has stepped, or when one steps again while others have not: those missed their cycle, and hold what they were told
 last. So nobody stops the world, and the same calls in the same order give the same bytes.
 """
 

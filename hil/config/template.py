@@ -84,4 +84,14 @@ bind = "127.0.0.1:30300"      # where applications (hil.client.servo) connect to
 # name = "tip"
 # parent = "gripper"          # the tool, or a frame of it before this one
 # z_mm = 150.0
+
+# [[object]]                  # what MuJoCo arms can touch, by its middle in the world; repeat for more
+# name = "bench"
+# shape = "box"               # box, cylinder, sphere, plane
+# size_mm = [500.0, 800.0, 40.0]  # box: x, y, z; cylinder: diameter, height; sphere: diameter; plane: none
+# x_mm = 550.0
+# z_mm = 380.0
+# mass_kg = 0.5               # a body that can be moved; default: it stands fast
+# friction = 1.0
+# colour = "#8c949e"
 """

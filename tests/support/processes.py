@@ -23,13 +23,17 @@ def own_host() -> str:
 
 
 def hil(
-    *arguments: object, environment: Mapping[str, str] | None = None, typed: bool = False
+    *arguments: object,
+    environment: Mapping[str, str] | None = None,
+    typed: bool = False,
+    station_links: bool = False,
 ) -> "subprocess.Popen[str]":
     """Start the command line, with ``environment`` laid over ours; ``typed``: its input lasts until it is closed.
 
-    ``hil run`` without a servo link, whose default port all share, and without a pad, unless asked for one.
+    ``hil run`` without a servo link, whose default port all share, and without a pad, unless asked for one; with
+    ``station_links`` the links are those of the station file.
     """
-    if arguments[0] == "run":
+    if arguments[0] == "run" and not station_links:
         for link in ("--servo", "--pad"):
             arguments = arguments if link in arguments else (*arguments, link, "off")
     return subprocess.Popen(
