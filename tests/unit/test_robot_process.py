@@ -126,7 +126,7 @@ async def test_a_failing_robot_side_ends_the_run_with_its_error(monkeypatch: pyt
         def _step(self) -> None:
             raise BackendError("the arm is on fire")
 
-    def failing_parts(chosen: RobotConfig) -> RobotParts:
+    def failing_parts(chosen: RobotConfig, **_: object) -> RobotParts:
         parts = open_parts(chosen)
         parts.backend.close()
         backend = Failing(parts.description)
