@@ -6,6 +6,7 @@ is counted in SYNCs. Anything that goes wrong with one drive stops all of them w
 until somebody acknowledges it. Not known here: what pushes the arm, and torques that were asked for; both are zeros.
 """
 
+import contextlib
 from typing import TYPE_CHECKING, Final
 
 from backends.can402 import objects
@@ -19,6 +20,7 @@ from backends.can402.state_machine import DRIVE_STATES, PowerState
 from backends.can402.wire import MOST_FRAMES_AT_ONCE, BusFailed, Frame, Wire, open_wire
 from hil.values.arm import ArmState, Capabilities, JointCommand, Push, RobotSideCondition, seven
 from hil.values.errors import BackendError, ConfigurationError
+from hil.values.fri import DriveState
 from hil.values.robot import JOINT_COUNT, JOINT_NAMES, Seven
 
 if TYPE_CHECKING:
@@ -26,7 +28,6 @@ if TYPE_CHECKING:
 
 _NONE: Final[Seven] = (0.0,) * JOINT_COUNT  # type: ignore[assignment]
 _OPERATIONAL: Final = b"\x05"
-_GUARDING_NS: Final = 100_000_000
 _FOREIGN: Final = "the bus carries process data of node {node}, which is none of this station's ({nodes})"
 _ALL_WELL: Final = RobotSideCondition()
 
@@ -41,7 +42,7 @@ class Can402Backend:
         self._capabilities = capabilities(simulated=options.simulated)
         names = [f"node {node} ({axis})" for node, axis in zip(options.nodes, JOINT_NAMES, strict=True)]
         self._drives = [
-            Drive(name, AxisScale(axis), lost_after=options.lost_after)
+            Drive(name, AxisScale(axis), lost_after=options.lost_after, heartbeat_ms=options.heartbeat_ms)
             for name, axis in zip(names, options.axis, strict=True)
         ]
         self._answers: dict[int, tuple[Drive, int]] = {}
@@ -83,6 +84,7 @@ class Can402Backend:
                 f"a control cycle of {period_ns / 1e6:g} ms is no multiple of this backend's 1 ms up to "
                 f"{self._capabilities.longest_period_ns / 1e6:g} ms"
             )
+        self._check_reach()
         self.load = check_bus_load(bitrate=self._options.bitrate, period_ns=period_ns)
         self._wire = self._open_wire(period_ns)
         try:
@@ -91,8 +93,8 @@ class Can402Backend:
                 drive.began(*self._nodes.set_up(place))
             for place in range(JOINT_COUNT):
                 self._nodes.start(place)
-            self._check_reach()
         except BaseException:
+            self._leave()
             self._wire.close()
             self._wire = None
             raise
@@ -151,14 +153,22 @@ class Can402Backend:
         return self._condition
 
     def resume(self) -> None:
-        """Acknowledge a failure: faults are reset, drives that booted anew are set up again, all are enabled again."""
-        if not self._failure or self._nodes is None:
+        """Acknowledge a failure: faults are reset, drives that booted anew are set up again, all are enabled again.
+
+        A drive that says nothing is not waited for. To set up one that booted anew takes some tens of milliseconds.
+        """
+        nodes, wire = self._nodes, self._wire
+        if not self._failure or nodes is None or wire is None:
+            return
+        if silent := [drive for drive in self._drives if drive.silent and not (drive.left or drive.booted)]:
+            self._fail(silent[0].failure(), again=True)
             return
         try:
+            wire.check()
             for place, drive in enumerate(self._drives):
-                if drive.left or drive.unanswered >= self._options.lost_after:
-                    drive.began(*self._nodes.set_up(place))
-                    self._nodes.start(place)
+                if drive.left or drive.silent:
+                    drive.began(*nodes.set_up(place))
+                    nodes.start(place)
                 drive.reset_fault()
         except (BackendError, ConfigurationError) as error:
             self._fail(str(error), again=True)
@@ -178,18 +188,23 @@ class Can402Backend:
             return
         wire = self._wire
         try:
-            if wire is not None and self._nodes is not None:
-                for identifier, node, drive in self._commanded():
-                    wire.send(Frame(identifier + node, drive.command(drive.counts, enabled=False)))
-                wire.send(Frame(objects.SYNC_COB, b""))
-                self._nodes.release()
-        except BusFailed:
-            pass  # a bus that failed cannot be told; the drives notice that our heartbeat is missing
+            self._leave()
         finally:
             self._period_ns = None
             if wire is not None:
                 wire.close()
             self._wire = self._nodes = None
+
+    def _leave(self) -> None:
+        wire, nodes = self._wire, self._nodes
+        if wire is None or nodes is None:
+            return
+        # A bus that failed cannot be told; the drives notice that our heartbeat is missing.
+        with contextlib.suppress(BusFailed):
+            for identifier, node, drive in self._commanded():
+                wire.send(Frame(identifier + node, drive.command(drive.counts, enabled=False)))
+            wire.send(Frame(objects.SYNC_COB, b""))
+            nodes.release()
 
     def _open_wire(self, period_ns: int) -> Wire:
         if self._given_wire is not None:
@@ -238,7 +253,7 @@ class Can402Backend:
         if self._nodes is not None and self._nodes.guarded:
             self._guard_in -= period_ns
             if self._guard_in <= 0:
-                self._guard_in = _GUARDING_NS
+                self._guard_in = self._options.heartbeat_ms * 1_000_000
                 for place in self._nodes.guarded:
                     wire.send(Frame(objects.HEARTBEAT_COB + self._options.nodes[place], b"", remote=True))
 
@@ -254,13 +269,16 @@ class Can402Backend:
         except BusFailed as error:
             problem = str(error)
         for drive in self._drives:
-            drive.count_silence()
+            drive.count_silence(self._period_ns or 0)
         problem = problem or next(filter(None, (drive.failure() for drive in self._drives)), "")
         if problem:
             self._fail(problem)
+        # A drive that failed still measures; one that is silent leaves the arm where it was seen last.
         if all(drive.answered for drive in self._drives):
             self._sample += 1
             self._measured = self._state()
+        elif self._measured is not None and self._measured.drive_states != (states := self._drive_states()):
+            self._measured = self._measured._replace(drive_states=states)
         self._progress()
 
     def _take(self, frame: Frame) -> str:
@@ -286,6 +304,10 @@ class Can402Backend:
             if self._enabling_cycles > allowed:
                 late = next(drive for drive in self._drives if drive.state is not PowerState.ENABLED)
                 self._fail(f"{late.name} is not enabled after {self._options.enable_timeout_s:g} s: it is {late.state}")
+        elif self._condition.takes_commands:
+            gone = next((drive for drive in self._drives if drive.state is not PowerState.ENABLED), None)
+            if gone is not None:
+                self._fail(f"{gone.name} is {gone.state}, though nobody switched it off from here")
         self._settle()
 
     def _fail(self, reason: str, *, again: bool = False) -> None:
@@ -321,9 +343,16 @@ class Can402Backend:
             seven([-drive.scale.motor_torque_nm(drive.torque_permille) for drive in drives]),
             _NONE,
             _NONE,
-            tuple(DRIVE_STATES[drive.state] for drive in drives),
+            self._drive_states(),
             self._sample,
         )
+
+    def _drive_states(self) -> tuple[DriveState, ...]:
+        """Return the states, as the same object as long as they are the same: whoever reads them looks at that."""
+        states = tuple(DriveState.OFF if drive.silent else DRIVE_STATES[drive.state] for drive in self._drives)
+        if self._measured is not None and self._measured.drive_states == states:
+            return self._measured.drive_states
+        return states
 
     def _require_open(self, what: str) -> int:
         if self._period_ns is None:

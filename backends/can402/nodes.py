@@ -12,15 +12,21 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoEr
 from backends.can402 import objects
 from backends.can402.objects import ANSWERS, COMMANDS
 from backends.can402.options import Can402Options
-from backends.can402.wire import Wire
+from backends.can402.wire import Frame, Wire
 from hil.values.errors import BackendError, ConfigurationError
 from hil.values.robot import JOINT_NAMES
 
 ANSWER_S: Final = 0.3
 """How long a drive may take to answer an SDO request."""
+_MOST_FRAMES: Final = 8_000
+"""While one answer is waited for: more than the fastest bus carries in that time."""
+_SDO_ANSWER: Final = 0x580
+_SDO_BYTES: Final = 8
+_NO_SUCH_OBJECT: Final = (0x06020000, 0x06090011)
+"""Abort codes: no such object, no such subindex."""
+_SLOW_DOWN_AND_SWITCH_OFF: Final = 2
 _ENTER_PRE_OPERATIONAL: Final = 0x80
 _START: Final = 0x01
-_GUARDING_MS: Final = 100
 _LIFE_FACTOR: Final = 3
 _LATEST_HEARTBEATS: Final = 3
 
@@ -39,12 +45,42 @@ class _Client(SdoClient):  # type: ignore[misc]  # canopen has no types
 
     def read_response(self) -> Any:
         """Return the answer; raise what canopen raises."""
-        while self.responses.empty():
-            frame = self._wire.receive(wait_s=self.RESPONSE_TIMEOUT)
+        wire, others = self._wire, ""
+        began_s: float | None = None
+        for _ in range(_MOST_FRAMES):
+            frame = wire.receive(wait_s=ANSWER_S)
             if frame is None:
-                raise SdoCommunicationError("no answer")
-            self.network.notify(frame.identifier, bytearray(frame.data), 0.0)
-        return super().read_response()
+                break
+            # What others say must not prolong the wait for ever; only the bus tells the time here.
+            began_s = wire.at_s if began_s is None else began_s
+            if wire.at_s - began_s > ANSWER_S:
+                break
+            # Not by canopen's network, which would take what others say too, and trip over what is malformed.
+            if frame.identifier == self.tx_cobid and len(frame.data) == _SDO_BYTES:
+                self.on_response(frame.identifier, frame.data, 0.0)
+                return super().read_response()
+            if frame.identifier & ~0x7F == _SDO_ANSWER:
+                others = f"; what came was an answer of node {frame.identifier & 0x7F}"
+        raise NoAnswer(others)
+
+    def abort(self, _abort_code: int = 0) -> None:
+        """Say nothing: what is given up here ends the opening, or the acknowledgement, with an error of ours."""
+
+
+class NoAnswer(SdoCommunicationError):  # type: ignore[misc]  # canopen has no types
+    """Nothing came from the drive that was asked; its text says what came from others."""
+
+
+class _Network(canopen.Network):  # type: ignore[misc]  # canopen has no types
+    """Sends by our wire, so that a bus that fails is told as one."""
+
+    def __init__(self, wire: Wire) -> None:
+        super().__init__()
+        self._wire = wire
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        """Send a frame; raise :class:`BusFailed`."""
+        self._wire.send(Frame(can_id, bytes(data), remote))
 
 
 class _Node(canopen.RemoteNode):  # type: ignore[misc]  # canopen has no types
@@ -66,8 +102,8 @@ class Nodes:
         self._options = options
         self._period_ns = period_ns
         self._dictionary = _dictionary(options)
-        self._network = canopen.Network()
-        self._network.bus = wire.bus
+        self._wire = wire
+        self._network = _Network(wire)
         self._nodes: list[Any] = []
         for number in options.nodes:
             node = _Node(number, self._dictionary, wire)
@@ -81,12 +117,15 @@ class Nodes:
 
         Raises :class:`BackendError` that names node and object.
         """
-        self._network.send_message(0, [_ENTER_PRE_OPERATIONAL, self._options.nodes[place]])
+        self._network.send_message(0, bytes([_ENTER_PRE_OPERATIONAL, self._options.nodes[place]]))
         self._check_identity(place)
         self._check_modes(place)
         self._set_supervision(place)
         self._set_process_data(place)
         write = self._write
+        self._write_if_there(place, objects.SYNC_ID, struct.pack("<I", objects.SYNC_COB))
+        self._write_if_there(place, objects.SYNC_PERIOD, struct.pack("<I", self._period_ns // 1_000))
+        self._write_if_there(place, objects.QUICK_STOP_OPTION, struct.pack("<h", _SLOW_DOWN_AND_SWITCH_OFF))
         write(place, objects.MODE, 0, struct.pack("<b", objects.CYCLIC_SYNCHRONOUS_POSITION))
         write(place, objects.INTERPOLATION_TIME, 1, struct.pack("<B", self._period_ns // 1_000_000))
         write(place, objects.INTERPOLATION_TIME, 2, struct.pack("<b", -3))
@@ -100,12 +139,16 @@ class Nodes:
 
     def start(self, place: int) -> None:
         """Let one drive exchange process data."""
-        self._network.send_message(0, [_START, self._options.nodes[place]])
+        self._network.send_message(0, bytes([_START, self._options.nodes[place]]))
 
     def release(self) -> None:
-        """Let all drives return to pre-operational: they exchange nothing any more."""
-        for number in self._options.nodes:
-            self._network.send_message(0, [_ENTER_PRE_OPERATIONAL, number])
+        """Let all drives return to pre-operational, where they exchange nothing and miss nobody; waits for nothing."""
+        for place, number in enumerate(self._options.nodes):
+            self._network.send_message(0, bytes([_ENTER_PRE_OPERATIONAL, number]))
+            if place in self.guarded:
+                self._send_write(number, objects.LIFE_TIME, 0, b"\0")
+            else:
+                self._send_write(number, objects.CONSUMER_HEARTBEAT, 1, bytes(4))
 
     def _check_identity(self, place: int) -> None:
         device_type = self._read(place, objects.DEVICE_TYPE, 0, "<I")
@@ -135,9 +178,11 @@ class Nodes:
         period_ms = self._options.heartbeat_ms
         try:
             self._nodes[place].sdo.download(objects.PRODUCER_HEARTBEAT, 0, struct.pack("<H", period_ms))
-        except SdoAbortedError:
+        except SdoAbortedError as error:
+            if error.code not in _NO_SUCH_OBJECT:
+                raise self._failed(place, objects.PRODUCER_HEARTBEAT, 0, error) from error
             self.guarded.add(place)
-            self._write(place, objects.GUARD_TIME, 0, struct.pack("<H", _GUARDING_MS))
+            self._write(place, objects.GUARD_TIME, 0, struct.pack("<H", period_ms))
             self._write(place, objects.LIFE_TIME, 0, struct.pack("<B", _LIFE_FACTOR))
             return
         except SdoError as error:
@@ -161,6 +206,27 @@ class Nodes:
                 self._write(place, mapping + offset, 0, struct.pack("<B", len(parts)))
                 self._write(place, communication + offset, 1, struct.pack("<I", identifier + number))
 
+        for index in (objects.TPDO + 2, objects.TPDO + 3):
+            # A drive may come with more of them, which nobody counted among what the bus carries.
+            unused = 0x180 + 0x100 * (index - objects.TPDO) + number | objects.PDO_OFF
+            self._write_if_there(place, index, struct.pack("<I", unused), sub=1)
+
+    def _send_write(self, number: int, index: int, sub: int, data: bytes) -> None:
+        """Write up to four bytes, and do not look what becomes of it."""
+        command = 0x23 | (4 - len(data)) << 2
+        request = struct.pack("<BHB", command, index, sub) + data.ljust(4, b"\0")
+        self._network.send_message(0x600 + number, request)
+
+    def _write_if_there(self, place: int, index: int, data: bytes, *, sub: int = 0) -> None:
+        """Write an object that a drive need not have."""
+        try:
+            self._nodes[place].sdo.download(index, sub, data)
+        except SdoAbortedError as error:
+            if error.code not in _NO_SUCH_OBJECT:
+                raise self._failed(place, index, sub, error) from error
+        except SdoError as error:
+            raise self._failed(place, index, sub, error) from error
+
     def _write(self, place: int, index: int, sub: int, data: bytes) -> None:
         self._asked(place, index, sub, lambda: self._nodes[place].sdo.download(index, sub, data))
 
@@ -179,10 +245,14 @@ class Nodes:
             raise self._failed(place, index, sub, error) from error
 
     def _failed(self, place: int, index: int, sub: int, error: Exception) -> BackendError:
-        if isinstance(error, SdoCommunicationError):
+        if isinstance(error, NoAnswer):
             return BackendError(
                 f"{self._name(place)} does not answer (object {index:04X}h:{sub}) within {ANSWER_S:g} s: is it there, "
-                f"powered, and set to that number and bit rate?"
+                f"powered, and set to that number and bit rate?{error}"
+            )
+        if isinstance(error, SdoCommunicationError):
+            return BackendError(
+                f"{self._name(place)} answers out of turn (object {index:04X}h:{sub}): do two drives have that number?"
             )
         return BackendError(f"{self._name(place)} refuses object {index:04X}h:{sub}: {error}")
 
@@ -197,11 +267,15 @@ def _dictionary(options: Can402Options) -> Any:
     if path is None:
         return canopen.ObjectDictionary()
     try:
-        return canopen.import_od(str(path))
+        dictionary = canopen.import_od(str(path))
     except OSError as error:
         raise ConfigurationError(f"cannot read the EDS file {path}: {error.strerror}") from error
     except Exception as error:
         raise ConfigurationError(f"{path} is no EDS file that can be read: {error}") from error
+    missing = next((index for index in objects.NEEDED if index not in dictionary), None)
+    if missing is not None:
+        raise ConfigurationError(f"{path} describes no drive for this backend: it has no object {missing:04X}h")
+    return dictionary
 
 
 def _identity_in(dictionary: Any) -> dict[int, int]:

@@ -15,6 +15,7 @@ RPDO_MAPPING: Final = 0x1600
 TPDO: Final = 0x1800
 TPDO_MAPPING: Final = 0x1A00
 ERROR_CODE: Final = 0x603F
+QUICK_STOP_OPTION: Final = 0x605A
 CONTROL_WORD: Final = 0x6040
 STATUS_WORD: Final = 0x6041
 MODE: Final = 0x6060
@@ -56,3 +57,9 @@ ANSWERS: Final[dict[int, tuple[Mapped, ...]]] = {
     0x280: (Mapped(ACTUAL_VELOCITY, 32), Mapped(ACTUAL_TORQUE, 16), Mapped(ERROR_CODE, 16)),
 }
 """What a drive answers to a SYNC, as above. ``struct`` formats: ``<Hi`` and ``<ihH``."""
+
+NEEDED: Final = (
+    DEVICE_TYPE, IDENTITY, RPDO, RPDO_MAPPING, TPDO, TPDO + 1, TPDO_MAPPING, TPDO_MAPPING + 1, MODE, MODE_DISPLAY,
+    INTERPOLATION_TIME, *(part.number for parts in (*COMMANDS.values(), *ANSWERS.values()) for part in parts),
+)  # fmt: skip
+"""Objects that a drive must have."""

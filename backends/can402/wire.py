@@ -9,6 +9,15 @@ from hil.values.errors import BackendError
 
 MOST_FRAMES_AT_ONCE: Final = 512
 """Frames that are read in one go; a bus that carries more than that in a cycle is not ours alone."""
+MOST_ERROR_FRAMES: Final = 16
+"""Between two checks. One is repeated by the controllers themselves; so many are a disturbed bus. Ours."""
+_BUS_OFF_ERROR: Final = 0x40
+"""In the identifier of an error frame (linux/can/error.h)."""
+_SERIAL_LINE: Final = {"timeout": 0.0}
+"""For slcan, whose reads would else wait a millisecond for a byte."""
+
+
+BUS_OFF: Final = "the CAN controller is bus-off: too many errors on the bus; look at cable, ends and bit rate"
 
 
 class Frame(NamedTuple):
@@ -28,6 +37,9 @@ class Wire:
 
     def __init__(self, bus: can.BusABC) -> None:
         self.bus: can.BusABC | None = bus
+        self.at_s = 0.0
+        """When the frame that was received last came, by the time stamps of the bus."""
+        self._error_frames = 0
 
     def send(self, frame: Frame) -> None:
         """Send a frame."""
@@ -36,7 +48,7 @@ class Wire:
         )
         try:
             self._open_bus().send(message)
-        except can.CanError as error:
+        except (can.CanError, OSError) as error:
             raise BusFailed(f"the CAN bus takes no frames: {error}") from error
 
     def receive(self, wait_s: float = 0.0) -> Frame | None:
@@ -44,26 +56,26 @@ class Wire:
         for _ in range(MOST_FRAMES_AT_ONCE):
             try:
                 message = self._open_bus().recv(timeout=wait_s)
-            except can.CanError as error:
+            except (can.CanError, OSError) as error:
                 raise BusFailed(f"the CAN bus cannot be read: {error}") from error
             if message is None:
                 return None
             if message.is_error_frame:
-                raise BusFailed("the CAN controller reports an error frame: the bus is disturbed, or bus-off")
-            if not message.is_extended_id:
+                self._note_error_frame(message.arbitration_id)
+            elif not message.is_extended_id:
+                self.at_s = message.timestamp
                 return Frame(message.arbitration_id, bytes(message.data), message.is_remote_frame)
         return None
 
     def check(self) -> None:
-        """Raise :class:`BusFailed` for a controller that is off the bus."""
+        """Raise :class:`BusFailed` for a controller that is off the bus; error frames are counted from here anew."""
+        self._error_frames = 0
         try:
             state = self._open_bus().state
         except NotImplementedError:
             return  # an interface that does not tell
         if state is can.BusState.ERROR:
-            raise BusFailed(
-                "the CAN controller is bus-off: too many errors on the bus; look at cable, ends and bit rate"
-            )
+            raise BusFailed(BUS_OFF)
 
     def close(self) -> None:
         """Release the bus."""
@@ -71,17 +83,30 @@ class Wire:
         if bus is not None:
             bus.shutdown()
 
+    def _note_error_frame(self, identifier: int) -> None:
+        self._error_frames += 1
+        if identifier & _BUS_OFF_ERROR:
+            raise BusFailed(BUS_OFF)
+        if self._error_frames > MOST_ERROR_FRAMES:
+            raise BusFailed(
+                f"the CAN bus is disturbed: {self._error_frames} error frames; look at cable, ends and bit rate"
+            )
+
     def _open_bus(self) -> can.BusABC:
         if self.bus is None:
             raise BusFailed("the CAN bus is closed")
         return self.bus
 
 
-def open_wire(options: Can402Options) -> Wire:
-    """Open the bus; raise :class:`BackendError` in one sentence."""
+def open_wire(options: Can402Options, *, never_blocks: bool = True) -> Wire:
+    """Open the bus; raise :class:`BackendError` in one sentence.
+
+    A bus that ``never_blocks`` has no waits of its own in reading, at the price of a busy wait where one is asked for.
+    """
     where = f"the CAN bus {options.channel!r} of the interface {options.interface!r}"
     try:
-        return Wire(can.Bus(interface=options.interface, channel=options.channel, bitrate=options.bitrate))
+        extra = _SERIAL_LINE if never_blocks and options.interface == "slcan" else {}
+        return Wire(can.Bus(interface=options.interface, channel=options.channel, bitrate=options.bitrate, **extra))
     except (can.CanError, OSError, ValueError, ImportError, NotImplementedError) as error:
         detail = str(error).strip().splitlines()
         raise BackendError(f"cannot open {where}: {detail[-1] if detail else type(error).__name__}") from error

@@ -49,7 +49,7 @@ def can_drives(  # noqa: PLR0917  # typer makes the options of the parameters
     options = parse_options({"interface": interface, "channel": channel, "bitrate": bitrate, "nodes": _numbers(nodes)})
     faults = [_fault(text, options.nodes) for text in fault or []]
     drives = _drives(options.nodes, robot)
-    wire = open_wire(options)
+    wire = open_wire(options, never_blocks=False)
     try:
         _serve(drives, wire, faults, cycle_ms=cycle_ms, fault_after_s=fault_after, duration_s=duration)
     finally:

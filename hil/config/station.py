@@ -44,7 +44,10 @@ class Overrun(StrEnum):
     """What happens to control cycles that could not begin in time. All are counted."""
 
     CATCH_UP = "catch-up"
-    """They are run at once, one after the other, twenty at most; what is more than that is left out."""
+    """They are run at once, one after the other, twenty at most; what is more than that is left out.
+
+    With real drives, or a robot side that paces the cycle, they are left out: nobody is told several at once.
+    """
     SKIP = "skip"
     """They are left out; a simulated arm's time stands still for them."""
     FAULT = "fault"

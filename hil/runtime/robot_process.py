@@ -289,7 +289,8 @@ class RobotProcess:
 
     async def _overrun(self, tick: Tick) -> None:
         self.measurements.missed(tick.missed)
-        if self._robot_side_pacer is not None and self.config.overrun is not Overrun.FAULT:
+        own_time = self._robot_side_pacer is not None or self.moves_real_drives
+        if own_time and self.config.overrun is not Overrun.FAULT:
             # What the robot side was not told in time it is not told at all: its own time has gone on.
             return
         match self.config.overrun:

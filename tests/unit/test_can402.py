@@ -14,8 +14,9 @@ from backends.can402.error_codes import error_in_words
 from backends.can402.options import AxisOptions, Can402Options, parse_options
 from backends.can402.scaling import AxisScale
 from backends.can402.simulated import EDS, DriveFault, SimulatedDrive
+from backends.can402.simulated.drive import QUICK_STOP_NS
 from backends.can402.state_machine import DRIVE_STATES, ENABLE, TO_ENABLED, TO_OFF, PowerState, power_state
-from backends.can402.wire import Frame
+from backends.can402.wire import BUS_OFF, Frame
 from backends.robots import load_description
 from hil.values.arm import ArmState, JointCommand, seven
 from hil.values.errors import BackendError, ConfigurationError
@@ -116,8 +117,9 @@ def test_each_state_has_a_way_on_and_a_way_off() -> None:
         drive._obey(TO_ENABLED[drive.state])
         assert drive.state is wanted
     drive._obey(TO_OFF[drive.state])
-    drive._obey(TO_OFF[drive.state])
-    assert drive.state is PowerState.DISABLED
+    assert drive.state is PowerState.QUICK_STOP
+    drive.passed(QUICK_STOP_NS)
+    assert power_state(0x40) is drive.state
     drive.fail(0x2310)
     for word, wanted in (
         (ENABLE, PowerState.FAULT),
@@ -218,7 +220,7 @@ def test_a_bus_that_goes_off_is_a_failure_and_nothing_raises() -> None:
     rig.drives.bus_off = True
     for _ in range(3):
         rig.cycle(JointCommand(ROBOT.initial_position_rad, STILL))
-    assert rig.backend.condition().failure == "the CAN controller is bus-off (simulated)"
+    assert rig.backend.condition().failure == BUS_OFF
     rig.backend.resume()
     rig.cycle()
     assert "bus-off" in rig.backend.condition().failure
@@ -355,6 +357,7 @@ def test_an_application_moves_seven_drives_and_is_told_when_one_is_lost() -> Non
     bench.run(0.3)
     assert bench.controller.arm.position_rad == rest
     assert math.dist(rest, start) > 0.02
+    bench.backend.close()
 
 
 def _drives_behind(backend: object) -> list[SimulatedDrive]:

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 
@@ -13,6 +14,7 @@ from hil.runtime import robot_process
 from hil.runtime.assembly import LinkAddresses, RobotParts, open_parts
 from hil.runtime.pacer import Pacer
 from hil.runtime.robot_process import CATCH_UP_MOST, RobotProcess
+from hil.values.arm import Capabilities
 from hil.values.errors import BackendError
 
 MS = 1_000_000
@@ -93,6 +95,25 @@ async def test_skipped_cycles_are_counted_and_left_out(monkeypatch: pytest.Monke
     assert process.measurements.lateness.count <= 6
 
 
+async def test_real_drives_are_not_told_several_set_points_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Real(IdealBackend):
+        @property
+        def capabilities(self) -> Capabilities:
+            return replace(super().capabilities, moves_real_drives=True)
+
+    def real_parts(chosen: RobotConfig, **_: object) -> RobotParts:
+        parts = open_parts(chosen)
+        parts.backend.close()
+        backend = Real(parts.description)
+        backend.open(period_ns=MS)
+        return RobotParts(parts.description, parts.model, backend, parts.servo_codec)
+
+    monkeypatch.setattr(robot_process, "open_parts", real_parts)
+    process, _ = await run(monkeypatch, config(Overrun.CATCH_UP), [1, 8, 1, 1], stop_after=4)
+    assert process.measurements.missed_cycles == 7
+    assert process.measurements.lateness.count <= 6
+
+
 async def test_fault_ends_the_run_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     process, _ = await run(monkeypatch, config(Overrun.FAULT), [1, 1, 3], stop_after=1000)
     assert process.faulted is not None
@@ -105,7 +126,7 @@ async def test_a_failing_robot_side_ends_the_run_with_its_error(monkeypatch: pyt
         def _step(self) -> None:
             raise BackendError("the arm is on fire")
 
-    def failing_parts(chosen: RobotConfig) -> RobotParts:
+    def failing_parts(chosen: RobotConfig, **_: object) -> RobotParts:
         parts = open_parts(chosen)
         parts.backend.close()
         backend = Failing(parts.description)

@@ -19,6 +19,7 @@ RATED_NM: Final = 100.0
 INERTIA_KG_M2: Final = 1.0
 FRICTION_NM_S: Final = 2.0
 FOLLOWING_ERROR: Final = 0x8611
+HEARTBEAT_MISSED: Final = 0x8130
 _FOLLOWING_COUNTS: Final = int(0.2 * COUNTS_PER_RAD)
 _STATUS: Final = {
     PowerState.DISABLED: 0x40,
@@ -38,11 +39,12 @@ _TRANSITIONS: Final = {
     (_P.ENABLED, 0x07): _P.SWITCHED_ON,
     (_P.ENABLED, 0x06): _P.READY,
     (_P.ENABLED, 0x02): _P.QUICK_STOP,
-    (_P.QUICK_STOP, 0x02): _P.DISABLED,
     **{(state, 0x00): _P.DISABLED for state in (_P.READY, _P.SWITCHED_ON, _P.ENABLED, _P.QUICK_STOP)},
     **{(state, 0x02): _P.DISABLED for state in (_P.READY, _P.SWITCHED_ON)},
 }
-"""Where a control word leads; what is not there leads nowhere. A quick stop of these drives takes one SYNC."""
+"""Where a control word leads; what is not there leads nowhere."""
+QUICK_STOP_NS: Final = 20_000_000
+"""From the quick stop to the brakes, when a drive is disabled by itself; the axis itself stops at once here."""
 _PRE_OPERATIONAL: Final = 127
 _OPERATIONAL: Final = 5
 _NO_OBJECT: Final = 0x06020000
@@ -65,6 +67,8 @@ class DriveFault(StrEnum):
     """Its answers carry a number that no drive of the station has."""
     NO_HEARTBEAT = "no-heartbeat"
     """It knows node guarding only."""
+    OTHER_SDO = "other-sdo"
+    """It answers what it is asked with the number of the next node."""
     STUCK = "stuck"
     """It never leaves switch on disabled."""
 
@@ -87,7 +91,20 @@ class SimulatedDrive:
         self._toggle = 0
         self._objects: dict[tuple[int, int], bytes] = {}
         self._beat_ns = 0
+        self._stopping_ns = 0
+        self._missed_ns: int | None = None
+        """Since the last heartbeat of who is watched; None before the first one."""
         self._boot()
+
+    @property
+    def period_ns(self) -> int:
+        """Time from SYNC to SYNC that it was told; 1 ms before that."""
+        return self._objects[objects.INTERPOLATION_TIME, 1][0] * 1_000_000
+
+    @property
+    def operational(self) -> bool:
+        """Whether it exchanges process data."""
+        return self._nmt == _OPERATIONAL
 
     def fail(self, code: int) -> list[Frame]:
         """Go to fault with an error code; return the emergency message."""
@@ -103,7 +120,22 @@ class SimulatedDrive:
         return [Frame(objects.HEARTBEAT_COB + self.node, b"\0")]
 
     def passed(self, duration_ns: int) -> list[Frame]:
-        """Let time pass; return the heartbeat if one is due."""
+        """Let time pass; return the heartbeat if one is due, and what it makes of one that is missing."""
+        self._stopping_ns = self._stopping_ns + duration_ns if self.state is PowerState.QUICK_STOP else 0
+        if self._stopping_ns >= QUICK_STOP_NS:
+            self.state = PowerState.DISABLED
+        return self._watch(duration_ns) + self._beat(duration_ns)
+
+    def _watch(self, duration_ns: int) -> list[Frame]:
+        watched = struct.unpack("<I", self._objects[objects.CONSUMER_HEARTBEAT, 1])[0]
+        if self._missed_ns is None or not watched:
+            return []
+        self._missed_ns += duration_ns
+        if self._missed_ns <= (watched & 0xFFFF) * 1_000_000 or self.state is PowerState.FAULT:
+            return []
+        return self.fail(HEARTBEAT_MISSED)
+
+    def _beat(self, duration_ns: int) -> list[Frame]:
         period_ns = struct.unpack("<H", self._objects.get((objects.PRODUCER_HEARTBEAT, 0), b"\0\0"))[0] * 1_000_000
         if not period_ns or DriveFault.LOST in self.faults:
             return []
@@ -121,7 +153,9 @@ class SimulatedDrive:
         if identifier == 0:
             self._manage(frame.data)
         elif identifier == 0x600 + self.node:
-            return [Frame(0x580 + self.node, self._serve(frame.data))]
+            return [Frame(0x580 + self.node + (DriveFault.OTHER_SDO in self.faults), self._serve(frame.data))]
+        elif identifier == objects.HEARTBEAT_COB + (self._objects[objects.CONSUMER_HEARTBEAT, 1][2] or 128):
+            self._missed_ns = 0
         elif identifier == objects.HEARTBEAT_COB + self.node and frame.remote:
             self._toggle ^= 0x80
             return [Frame(identifier, bytes([self._nmt | self._toggle]))]
@@ -132,7 +166,7 @@ class SimulatedDrive:
         return []
 
     def _boot(self) -> None:
-        self._nmt = _PRE_OPERATIONAL
+        self._nmt, self._missed_ns = _PRE_OPERATIONAL, None
         product = PRODUCT + (DriveFault.IDENTITY in self.faults)
         profile = objects.PROFILE_402 - (DriveFault.NO_402 in self.faults)
         self._objects = {
@@ -145,6 +179,9 @@ class SimulatedDrive:
             (objects.INTERPOLATION_TIME, 2): b"\xfd",
             (objects.CONSUMER_HEARTBEAT, 1): bytes(4),
             (objects.PRODUCER_HEARTBEAT, 0): bytes(2),
+            (objects.SYNC_ID, 0): struct.pack("<I", objects.SYNC_COB),
+            (objects.SYNC_PERIOD, 0): bytes(4),
+            (objects.QUICK_STOP_OPTION, 0): struct.pack("<h", 2),
             (objects.GUARD_TIME, 0): bytes(2),
             (objects.LIFE_TIME, 0): bytes(1),
         }

@@ -7,7 +7,7 @@ from typing import Final
 import can
 
 from backends.can402.simulated.drive import SimulatedDrive
-from backends.can402.wire import MOST_FRAMES_AT_ONCE, BusFailed, Frame, Wire
+from backends.can402.wire import BUS_OFF, MOST_FRAMES_AT_ONCE, BusFailed, Frame, Wire
 
 _channels = itertools.count()
 _NODE_LIMIT: Final = 127
@@ -58,7 +58,7 @@ class _SimulatedWire(Wire):
     def send(self, frame: Frame) -> None:
         """Send a frame; a SYNC is a period of the drives' time."""
         if self._drives.bus_off:
-            raise BusFailed("the CAN controller is bus-off (simulated)")
+            raise BusFailed(BUS_OFF)
         super().send(frame)
         if frame.identifier == 0x80:
             for beat in self._drives.passed(self._period_ns):
@@ -67,11 +67,19 @@ class _SimulatedWire(Wire):
     def receive(self, wait_s: float = 0.0) -> Frame | None:  # noqa: ARG002  # who answers has answered
         """Return the next frame; nobody is worth waiting for."""
         if self._drives.bus_off:
-            raise BusFailed("the CAN controller is bus-off (simulated)")
+            raise BusFailed(BUS_OFF)
         self._drives.pump(self._theirs, period_ns=self._period_ns)
         return super().receive()
 
+    def check(self) -> None:
+        """Raise :class:`BusFailed` for a controller that is off the bus."""
+        if self._drives.bus_off:
+            raise BusFailed(BUS_OFF)
+        super().check()
+
     def close(self) -> None:
-        """Release both ends."""
+        """Release both ends, after what was sent has reached the drives."""
+        if not self._drives.bus_off and self._theirs.bus is not None:
+            self._drives.pump(self._theirs, period_ns=self._period_ns)
         self._theirs.close()
         super().close()

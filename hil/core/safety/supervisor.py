@@ -246,6 +246,8 @@ class Supervisor:
         if key is not PadKey.RESET or stop is None:
             return ""
         if not self._stopped(stop.category):
+            if self._condition.failure:
+                return f"the arm is not known to stand still yet: {self._condition.failure}"
             return "the arm still brakes; acknowledge the stop when it stands still"
         state = self._backend.condition().safety_state
         if state is not SafetyState.NORMAL_OPERATION:
