@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from hil.values.errors import ConfigurationError
+from backends.options import read_options
 from hil.values.fri import CLIENT_PORT, OverlayKind, Release
 from transport.udp import ANY_HOST, parse_address
 
@@ -48,13 +48,4 @@ class CabinetOptions(BaseModel):
 
 def parse_options(options: Mapping[str, object]) -> CabinetOptions:
     """Return the options; raise :class:`ConfigurationError` in one sentence."""
-    try:
-        return CabinetOptions.model_validate(dict(options))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        name = ".".join(map(str, first["loc"]))
-        if first["type"] == "extra_forbidden":
-            known = ", ".join(CabinetOptions.model_fields)
-            raise ConfigurationError(f"options of the backend cabinet: there is no {name!r}; valid: {known}") from None
-        message = str(first["msg"]).removeprefix("Value error, ")
-        raise ConfigurationError(f"options of the backend cabinet: {name}: {message}, got {first['input']!r}") from None
+    return read_options(CabinetOptions, options, backend="cabinet")

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from hil.values.errors import ConfigurationError
+from backends.options import read_options
 from hil.values.robot import JOINT_COUNT
 
 _Node = Annotated[int, Field(strict=True, ge=1, le=126)]
@@ -71,16 +71,4 @@ class Can402Options(BaseModel):
 
 def parse_options(options: Mapping[str, object]) -> Can402Options:
     """Return the options; raise :class:`ConfigurationError` in one sentence."""
-    try:
-        return Can402Options.model_validate(dict(options))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        name = ".".join(map(str, first["loc"]))
-        if first["type"] == "extra_forbidden":
-            raise ConfigurationError(
-                f"options of the backend can402: there is no {name!r}; valid: {', '.join(Can402Options.model_fields)}"
-            ) from None
-        message = str(first["msg"]).removeprefix("Value error, ")
-        got = "" if first["type"] == "value_error" else f", got {first['input']!r}"
-        where = f"{name}: " if name else ""
-        raise ConfigurationError(f"options of the backend can402: {where}{message}{got}") from None
+    return read_options(Can402Options, options, backend="can402")

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
-from hil.values.errors import ConfigurationError
+from backends.options import read_options
 
 
 class MujocoOptions(BaseModel):
@@ -20,14 +20,4 @@ class MujocoOptions(BaseModel):
 
 def parse_options(options: Mapping[str, object]) -> MujocoOptions:
     """Return the options; raise :class:`ConfigurationError` in one sentence."""
-    try:
-        return MujocoOptions.model_validate(dict(options))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        name = ".".join(map(str, first["loc"]))
-        if first["type"] == "extra_forbidden":
-            known = ", ".join(MujocoOptions.model_fields)
-            raise ConfigurationError(f"options of the backend mujoco: there is no {name!r}; valid: {known}") from None
-        raise ConfigurationError(
-            f"options of the backend mujoco: {name}: {first['msg']}, got {first['input']!r}"
-        ) from None
+    return read_options(MujocoOptions, options, backend="mujoco")

@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
-from hil.values.errors import ConfigurationError
+from backends.options import read_options
 
 
 class ElasticOptions(BaseModel):
@@ -19,14 +19,4 @@ class ElasticOptions(BaseModel):
 
 def parse_options(options: Mapping[str, object]) -> ElasticOptions:
     """Return the options; raise :class:`ConfigurationError` in one sentence."""
-    try:
-        return ElasticOptions.model_validate(dict(options))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        name = ".".join(map(str, first["loc"]))
-        if first["type"] == "extra_forbidden":
-            valid = ", ".join(ElasticOptions.model_fields)
-            raise ConfigurationError(f"options of the backend elastic: there is no {name!r}; valid: {valid}") from None
-        raise ConfigurationError(
-            f"options of the backend elastic: {name}: {first['msg']}, got {first['input']!r}"
-        ) from None
+    return read_options(ElasticOptions, options, backend="elastic")
