@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Final, Protocol
 import mujoco
 
 from backends.mujoco.options import MujocoOptions
-from backends.mujoco.scene import STEP_S, build
+from backends.mujoco.scene import STEP_S, build, prefix_of
+from backends.robots import load_description
 from hil.values.backend import BackendRequest
 from hil.values.errors import BackendError, ConfigurationError
+from hil.values.robot import JOINT_NAMES
 
 if TYPE_CHECKING:
     from hil.values.surroundings import SceneArm
@@ -38,9 +40,14 @@ class Inhabitant(Protocol):
 class World:
     """One model with its data. ``scene`` is the file it was made from."""
 
-    def __init__(self, model: "mujoco.MjModel", *, scene: object) -> None:
+    def __init__(self, model: "mujoco.MjModel", *, arms: "tuple[SceneArm, ...]", scene: object) -> None:
         self.model = model
         self.data = mujoco.MjData(model)
+        for arm in arms:
+            # One that is not made yet stands where it will begin.
+            start = load_description(arm.model).initial_position_rad
+            for name, value in zip(JOINT_NAMES, start, strict=True):
+                self.data.joint(prefix_of(arm.name) + name).qpos[0] = value
         self.scene = scene
         self.cycles = 0
         self._period_ns: int | None = None
@@ -104,7 +111,7 @@ def world_of(request: BackendRequest, options: MujocoOptions) -> World:
     if world is None:
         crowded = bool(surroundings.objects)
         arms = tuple(arm for arm in surroundings.arms if _stands_in(arm, options.world, crowded=crowded))
-        world = World(build(arms, surroundings.objects, scene=options.scene), scene=options.scene)
+        world = World(build(arms, surroundings.objects, scene=options.scene), arms=arms, scene=options.scene)
         surroundings.shared[key] = world
     if not isinstance(world, World):
         raise ConfigurationError(f"{request.robot}: {key!r} is no MuJoCo world")

@@ -48,7 +48,7 @@ def check(file: Annotated[Path, typer.Argument(help="Station file to check.")]) 
         addresses = link_addresses(robot)
         rows = {
             "model": robot.model,
-            "backend": robot.backend,
+            "backend": f"{robot.backend}{_options(robot)}",
             "mode": f"{robot.mode.value}{', enabled' if robot.enabled else ''}",
             "limits": _limits(robot),
             "cycle": f"{robot.cycle_ms} ms, overrun {robot.overrun}",
@@ -77,8 +77,24 @@ def check(file: Annotated[Path, typer.Argument(help="Station file to check.")]) 
         columns.append(rows)
     for label in dict.fromkeys(label for rows in columns for label in rows):
         table.add_row(label, *(rows.get(label, "-") for rows in columns))
-    Console().print(table)
+    console = Console()
+    console.print(table)
+    if station.object:
+        console.print(_objects(station))
     typer.echo(f"{file} is good")
+
+
+def _options(robot: RobotConfig) -> str:
+    return "".join(f", {escape(name)} = {escape(str(value))}" for name, value in robot.options.items())
+
+
+def _objects(station: Station) -> Table:
+    table = Table("object", "shape", "size, mm", "at, mm", "mass", title="what MuJoCo arms can touch")
+    for one in station.object:
+        size = " x ".join(f"{value:g}" for value in one.size_mm) or "-"
+        at = f"{one.x_mm:g}, {one.y_mm:g}, {one.z_mm:g}"
+        table.add_row(one.name, one.shape, size, at, "stands fast" if one.mass_kg is None else f"{one.mass_kg:g} kg")
+    return table
 
 
 def _limits(robot: RobotConfig) -> str:

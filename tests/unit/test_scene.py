@@ -105,7 +105,6 @@ def test_a_free_box_stands_on_a_table_and_is_pushed_away() -> None:
     hold(backend, 0.3)
     there = backend._data.body("box").xpos.copy()
     assert there[2] == pytest.approx(0.25, abs=1e-3)
-    backend._data.body("box").xpos  # noqa: B018  # the body is still known by its name
     backend._data.qvel[backend._model.joint("box").dofadr[0]] = 0.5
     hold(backend, 0.5)
     slid = backend._data.body("box").xpos
@@ -113,6 +112,45 @@ def test_a_free_box_stands_on_a_table_and_is_pushed_away() -> None:
     assert 0.008 < slid[0] - there[0] < 0.03
     assert slid[2] == pytest.approx(0.25, abs=1e-3)
     backend.close()
+
+
+def test_an_arm_pushes_a_free_box_and_feels_it() -> None:
+    x, y, z = place_m((0.0, 0.0, ROD_M))
+    table = SceneObject("table", Shape.BOX, (0.4, 0.8, 0.04), Pose(x, y + 0.2, z - 0.07))
+    box = SceneObject("box", Shape.BOX, (0.1, 0.1, 0.1), Pose(x, y + 0.08, z), mass_kg=0.4)
+    tool = SceneArm("arm", ROBOT, "mujoco", {}, touches_m=((0.0, 0.0, ROD_M),))
+    backend = arm_in(Surroundings(objects=(table, box), arms=(tool,)))
+    backend.open(period_ns=MS)
+    start = DESCRIPTION.initial_position_rad
+    felt = []
+    for count in range(1000):
+        turned = seven([start[0] + 0.15e-3 * count, *start[1:]])
+        backend.write(JointCommand(turned, (0.15, *STILL[1:])))
+        backend.step()
+        felt.append(backend.read().torque_nm[0])
+    pushed = backend._data.body("box").xpos
+    assert 0.03 < pushed[1] - (y + 0.08) < 0.1
+    assert pushed[2] == pytest.approx(z, abs=2e-3)
+    assert max(felt) - min(felt) > 3.0
+    backend.close()
+
+
+def test_a_wall_stops_a_motion_and_says_which_axis_gave_way() -> None:
+    x, y, z = place_m((0.0, 0.0, ROD_M))
+    block = SceneObject("block", Shape.BOX, (0.1, 0.02, 0.3), Pose(x, y + 0.035, z))
+    tool = SceneArm("arm", ROBOT, "mujoco", {}, touches_m=((0.0, 0.0, ROD_M),))
+
+    def arm(_description: RobotDescription) -> InProcessBackend:
+        return arm_in(Surroundings(objects=(block,), arms=(tool,)))
+
+    bench = ServoBench(robot=ROBOT, backend=arm)
+    application = Application(bench, watchdog_ms=1000)
+    application.join()
+    start = bench.controller.arm.position_rad
+    application.start(MotionKind.PTP, (start[0] + 0.4, *start[1:]))
+    bench.run(1.0)
+    assert bench.controller.stops[0].reason.startswith(("checkAxisTorqueLimit: ", "tracking error"))
+    assert bench.controller.arm.position_rad[0] < start[0] + 0.3
 
 
 def place_m(in_flange_m: tuple[float, float, float]) -> tuple[float, float, float]:
