@@ -2,7 +2,7 @@
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 from rich.console import Console
@@ -17,11 +17,15 @@ from hil.values.errors import ConfigurationError, OutOfRange
 if TYPE_CHECKING:
     from tools.conformance.compare import Comparison
 
+_ROBOT: Final = "lbr-iiwa-14-r820"
+
 
 def conformance(  # noqa: PLR0917  # typer makes the options of the parameters
     a: Annotated[str, typer.Argument(metavar="A", help="Backend, such as ideal, mujoco:seed=1, cabinet:arm=mujoco.")],
     b: Annotated[str, typer.Argument(metavar="B", help="The one that is compared with it.")],
-    robot: Annotated[str, typer.Option(help="Robot model.")] = "lbr-iiwa-14-r820",
+    robot: Annotated[
+        str | None, typer.Option(help="Robot model; lbr-iiwa-14-r820 is the default.", show_default=False)
+    ] = None,
     stream: Annotated[
         Path | None,
         typer.Option(metavar="FILE.pcapng", help="Set points of a recording of ours, instead of a mix of motions."),
@@ -45,7 +49,10 @@ def conformance(  # noqa: PLR0917  # typer makes the options of the parameters
         raise OutOfRange("tolerance, rad", tolerance_rad, "> 0 and <= 1")
     output = JsonOutput(json_file)
     check_result_file(plot)
+    if stream is not None and not (robot is None and cycle_ms is None):
+        raise ConfigurationError(f"--robot and --cycle are those of the recording {stream}, and are not given with it")
     sides = parse_side(a), parse_side(b)
+    robot = _ROBOT if robot is None else robot
     cycle = max(side.cycle_ms for side in sides) if cycle_ms is None else cycle_ms
     if cycle not in CYCLE_CHOICES_MS:
         raise ConfigurationError(f"a control cycle of {cycle} ms; valid: {', '.join(map(str, CYCLE_CHOICES_MS))} ms")

@@ -2,20 +2,24 @@
 
 import json
 from collections import deque
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from backends.ideal import IdealBackend
+from backends.ideal import CAPABILITIES, IdealBackend
 from backends.rig import InProcessRig
 from backends.robots import load_description
-from hil.values.arm import ArmState, JointCommand, seven
+from hil.values.arm import ArmState, Capabilities, JointCommand, seven
+from hil.values.errors import HilError
 from hil.values.robot import RobotDescription
 from tests.support.cli import cli
+from tests.support.processes import ROOT
 from tools.conformance.compare import Comparison, compare, run_stream
-from tools.conformance.stream import Moment, planned_stream
+from tools.conformance.stream import Moment, captured_stream, planned_stream
 
 ROBOT = "lbr-iiwa-7-r800"
+DATA = ROOT / "tests/data"
 STREAM = planned_stream(robot=ROBOT, cycle_ms=4)
 
 
@@ -66,6 +70,14 @@ class Drifting(Altered):
         return position
 
 
+class Torqued(IdealBackend):
+    """Takes torques, which the ideal arm does not."""
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return replace(CAPABILITIES, takes_torque=True)
+
+
 def compared(other: type[IdealBackend]) -> Comparison:
     description = load_description(ROBOT)
     courses = [
@@ -103,6 +115,45 @@ def test_a_difference_is_told_of_its_axis(other: type[IdealBackend], axis: str, 
     assert f"on {axis} at {found.worst_position.at_s:.2f} s ({found.worst_position.part})" in found.verdict(1e-3)
     alike = {"A1", "A2", "A4"} - {axis}
     assert all(abs(one.worst) < 0.1 for one in found.differences if one.quantity == "position" and one.axis in alike)
+
+
+def test_a_capability_that_is_not_there_is_named() -> None:
+    found = compared(Torqued)
+    assert found.unlike() == [
+        ("takes torque", "no", "yes"),
+        (
+            "refuses",
+            "torque: IdealBackend takes no torque commands; push: IdealBackend cannot be pushed",
+            "push: Torqued cannot be pushed",
+        ),
+    ]
+    assert found.verdict(1e-3).endswith("; not alike: takes torque, refuses")
+
+
+def test_a_recording_of_ours_is_a_stream() -> None:
+    robot, cycle_ms, moments = captured_stream(DATA / "smart-servo-2ms.pcapng")
+    assert (robot, cycle_ms, len(moments)) == ("lbr-iiwa-14-r820", 2, 301)
+    assert captured_stream(DATA / "smart-servo-2ms.pcapng")[2] == moments
+    assert any(any(moment.command.velocity_rad_s) for moment in moments)
+
+
+@pytest.mark.parametrize(
+    ("capture", "sentence"),
+    [
+        ("fri-2.5-torque-4ms.pcapng", "its arm is under impedance control at"),
+        ("tcp/no-delay.pcapng", "is no recording of one of our controllers"),
+        ("nowhere.pcapng", "cannot be read"),
+    ],
+)
+def test_a_recording_that_is_no_stream_is_refused(capture: str, sentence: str) -> None:
+    with pytest.raises(HilError, match=sentence):
+        captured_stream(DATA / capture)
+
+
+def test_a_recording_has_its_own_robot_and_cycle() -> None:
+    ended = cli("conformance", "ideal", "mujoco", "--stream", DATA / "smart-servo-2ms.pcapng", "--cycle", 5)
+    assert ended.code == 2
+    assert "--robot and --cycle are those of the recording" in ended.err
 
 
 def test_the_stream_has_what_applications_do() -> None:

@@ -109,8 +109,15 @@ class Comparison:
         return (
             f"{head}: it follows {later}, and that taken away its position is off by at most "
             f"{abs(worst.worst):.3g} mrad, on {worst.axis} at {worst.at_s:.2f} s ({worst.part}); "
-            f"{tolerance_rad * 1e3:g} mrad are allowed"
+            f"{tolerance_rad * 1e3:g} mrad are allowed{self._also_unlike()}"
         )
+
+    def _also_unlike(self) -> str:
+        names = [what for what, _, _ in self.unlike()]
+        ours, theirs = self.drive_sequences()
+        if ours != theirs:
+            names.append("drive states")
+        return f"; not alike: {', '.join(names)}" if names else ""
 
     def as_dict(self) -> dict[str, object]:
         """Return it for programs."""

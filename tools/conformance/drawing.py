@@ -32,7 +32,7 @@ def draw(comparison: Comparison, picture: Path) -> None:
     )
     figure.suptitle(
         f"{comparison.b.name} beside {comparison.a.name}, {comparison.robot}, {JOINT_NAMES[axis]}: "
-        f"{comparison.latency_ms:+.2f} ms"
+        f"{round(comparison.latency_ms, 2) + 0.0:+.2f} ms"
     )
     for panel, (name, field, factor, unit) in zip(panels, shown, strict=False):
         for course, colour, width in ((comparison.a, _A, 2.4), (comparison.b, _B, 0.9)):

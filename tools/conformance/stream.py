@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from enum import StrEnum
+from itertools import cycle
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -23,7 +24,9 @@ _PTP_RAD: Final[Seven] = (0.3, -0.25, 0.2, -0.3, 0.25, -0.3, 0.4)
 _SWING_RAD: Final[Seven] = (0.12, 0.06, 0.0, 0.1, 0.0, 0.08, 0.15)
 _SERVO_S: Final = 1.2
 _FREQUENCY_HZ: Final = 1.0
-_SMART_SERVO_MS: Final = 20
+_SMART_SERVO_MS: Final = (20, 10, 40, 20, 5, 25)
+"""Between destinations; some come early, some late."""
+_DIRECT_SERVO_MS: Final = 5
 _DIRECT_SERVO_RAD: Final = 0.03
 _DRIVES_OFF_S: Final = 0.3
 _DRIVES_BACK_S: Final = 0.8
@@ -74,9 +77,9 @@ def planned_stream(*, robot: str, cycle_ms: int) -> list[Moment]:
         start = application.arm.position_rad
         application.run(_REST_S)
         _move_ptp(application, seven([here + by for here, by in zip(start, _PTP_RAD, strict=True)]))
-        _swing(application, MotionKind.SMART_SERVO, _SWING_RAD, period_ms=_SMART_SERVO_MS, cycle_ms=cycle_ms)
+        _swing(application, MotionKind.SMART_SERVO, _SWING_RAD, periods_ms=_SMART_SERVO_MS, cycle_ms=cycle_ms)
         small = seven([_DIRECT_SERVO_RAD if swing else 0.0 for swing in _SWING_RAD])
-        _swing(application, MotionKind.DIRECT_SERVO, small, period_ms=cycle_ms, cycle_ms=cycle_ms)
+        _swing(application, MotionKind.DIRECT_SERVO, small, periods_ms=(_DIRECT_SERVO_MS,), cycle_ms=cycle_ms)
         _move_ptp(application, start)
         application.part = "rest"
         application.run(_REST_S)
@@ -101,7 +104,8 @@ def with_actions(stream: Sequence[Moment], *, cycle_ms: int, drives: bool, push:
 def captured_stream(capture: Path) -> tuple[str, int, list[Moment]]:
     """Return robot model, control cycle in ms and set points of one of our recordings, by its exact replay.
 
-    Raises :class:`ConfigurationError` for a recording that is none of ours, or has several robots.
+    Raises :class:`ConfigurationError` for a recording that is none of ours, has several robots, or yields: the torques
+    of a control law answer what one arm measured, and are no stream for another.
     """
     from hil.replay.replay import own_header, replay_own
 
@@ -117,7 +121,12 @@ def captured_stream(capture: Path) -> tuple[str, int, list[Moment]]:
         def __init__(self, controller: Controller) -> None:
             self._controller = controller
 
-        def cycle(self, now_ns: int) -> None:  # noqa: ARG002  # the stream counts cycles
+        def cycle(self, now_ns: int) -> None:
+            if self._controller.motion.control.yields:
+                raise ConfigurationError(
+                    f"{capture}: its arm is under impedance control at {now_ns * 1e-9:.3f} s; the torques of that "
+                    "answer what it measured, so only recordings under position control are given to two robot sides"
+                )
             moments.append(
                 Moment(self._controller.motion.phase.value, JointCommand(*self._controller.motion.set_point))
             )
@@ -140,17 +149,21 @@ def _move_ptp(application: _Recorder, destination: Seven) -> None:
         application.cycle()
 
 
-def _swing(application: _Recorder, kind: MotionKind, swing_rad: Seven, *, period_ms: int, cycle_ms: int) -> None:
+def _swing(
+    application: _Recorder, kind: MotionKind, swing_rad: Seven, *, periods_ms: tuple[int, ...], cycle_ms: int
+) -> None:
     application.part = kind.manual_name
     start = application.snapshot.commanded_position
     motion = application.ask(lambda number: StartMotion(number, kind, MotionParameters(), None)).request
-    cycles = period_ms // cycle_ms
-    for count in range(round(_SERVO_S * 1e3) // period_ms):
-        swing = math.sin(2.0 * math.pi * _FREQUENCY_HZ * count * period_ms * 1e-3)
+    swung_ms, periods = 0, cycle(periods_ms)
+    while swung_ms < _SERVO_S * 1e3:
+        swing = math.sin(2.0 * math.pi * _FREQUENCY_HZ * swung_ms * 1e-3)
         there = seven([here + by * swing for here, by in zip(start, swing_rad, strict=True)])
         application.ask(lambda number, there=there: SetDestination(number, motion, there))  # type: ignore[misc]
+        cycles = max(1, next(periods) // cycle_ms)
         for _ in range(cycles - 1):
             application.cycle()
+        swung_ms += cycles * cycle_ms
     application.part = f"stop of {kind.manual_name}"
     application.ask(lambda number: StopMotion(number, motion))
     while any(state.motion == motion for state in application.snapshot.motions):
