@@ -234,9 +234,9 @@ def test_a_part_of_the_suite_that_is_left_out_is_missed() -> None:
 
 def test_a_robot_side_that_resumes_by_itself_is_caught() -> None:
     class Eager(SimulatedDrivesRig):
-        def restore_peer(self) -> None:
-            super().restore_peer()
+        def cycle(self, command: JointCommand | None = None) -> ArmState:
             self.backend.resume()
+            return super().cycle(command)
 
     class Suite(DrivesContract, PeerContract):
         period_ns = 4_000_000

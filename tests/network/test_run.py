@@ -71,7 +71,7 @@ def test_a_stranger_is_counted_and_answered_nothing(tmp_path: Path) -> None:
         (["--send-period", 0], "send period 0 ms is outside 1..100 ms"),
         (["--send-period", 50, "--receive-multiplier", 3], "= 150 ms is more than 100 ms"),
         (["--robot", "lbr-iiwa-15"], "unknown robot 'lbr-iiwa-15'; valid: lbr-iiwa-7-r800"),
-        (["--backend", "gazebo"], "unknown backend 'gazebo'; valid: mujoco, ideal"),
+        (["--backend", "gazebo"], "unknown backend 'gazebo'; valid: cabinet, can402, ideal, mujoco"),
         (["--fri-bind", "0.0.0.0:30200"], "it would take the client's port 30200 on every address"),
         (["--fri-bind", "127.0.0.1:30200"], "that is the client's own address"),
         (["--fri-client", "127.0.0.1:none"], "the port 'none' is no number"),

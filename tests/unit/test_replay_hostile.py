@@ -158,8 +158,8 @@ def test_robot_sides_are_released_where_a_later_robot_cannot_be(file: Path, monk
     closed: list[object] = []
     opened = assembly.open_parts
 
-    def open_parts(config: RobotConfig) -> Any:
-        parts = opened(config)
+    def open_parts(config: RobotConfig, **more: Any) -> Any:
+        parts = opened(config, **more)
         monkeypatch.setattr(parts.backend, "close", lambda: closed.append(parts))
         return parts
 

@@ -142,7 +142,7 @@ def test_the_command_draws_writes_and_prints(tmp_path: Path) -> None:
     ("arguments", "sentence"),
     [
         (("--robot", "kr6"), "unknown robot 'kr6'; valid: lbr-iiwa-7-r800"),
-        (("--backend", "wood"), "unknown backend 'wood'; valid: mujoco, ideal"),
+        (("--backend", "wood"), "unknown backend 'wood'; valid: cabinet, can402, ideal, mujoco"),
         (("--axes", "A1,A8"), "unknown axis 'A8'; valid: A1, A2, A3, A4, A5, A6, A7"),
         (("--axes", ","), "unknown axis ','"),
         (("--step-deg", "7"), "step 7 is outside its range 0.01..5 degrees, either way; DirectServo takes no more"),

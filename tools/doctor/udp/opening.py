@@ -11,8 +11,8 @@ from tools.doctor.udp.stamped import Gone, Heard, TimedSocket
 
 ANSWER_WITHIN_S: Final = 3.0
 KNOCK_EVERY_S: Final = 0.05
-PERIODS_MS: Final = (5, 4)
-"""Unless told: the client library's, and one that is whole cycles where that is not."""
+PERIOD_MS: Final = 5
+"""Unless told: the client library's."""
 LEAST_WATCHDOG_MS: Final = 2000
 _NAME: Final = "hil doctor udp"
 
@@ -32,21 +32,17 @@ def join(
 ) -> Joined:
     """Begin a session as an observer; raise :class:`EndpointError` in one sentence."""
     opening = _Opening(sock, codec, has_key=has_key, within_s=within_s)
-    refused = ""
-    periods = PERIODS_MS if period_ms is None else (period_ms,)
+    asked_ms = PERIOD_MS if period_ms is None else period_ms
     try:
-        for chosen_ms in periods:
-            answer = opening.hello(chosen_ms)
-            if isinstance(answer, Welcome):
-                return opening.begin(answer, chosen_ms)
-            refused = answer.reason
-            if answer.try_again or answer.version != PROTOCOL_VERSION:
-                break
+        answer = opening.hello(asked_ms)
+        if isinstance(answer, Welcome):
+            # What is no multiple of the controller's cycle is as long as the next one.
+            return opening.begin(answer, -(-asked_ms // answer.cycle_ms) * answer.cycle_ms)
     except Gone as gone:
         raise EndpointError(
             f"{gone}; start the controller there (hil run --servo ADDR:PORT), or give the address it says at its start"
         ) from gone
-    raise EndpointError(f"the controller at {sock.peer} gives no seat: {refused}")
+    raise EndpointError(f"the controller at {sock.peer} gives no seat: {answer.reason}")
 
 
 class _Opening:
