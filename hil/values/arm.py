@@ -4,11 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple, Protocol, runtime_checkable
 
-from hil.values.control import Six
 from hil.values.errors import OutOfRange
 from hil.values.fri import DriveState, OperationMode, OverlayKind, SafetyState
 from hil.values.link import Address
-from hil.values.robot import JOINT_COUNT, Seven, Three
+from hil.values.robot import JOINT_COUNT, Seven, Six, Three
 
 MAX_PUSH_N: Final = 500.0
 MAX_PUSH_NM: Final = 100.0

@@ -16,9 +16,7 @@ from hil.values.fri import ControlMode
 from hil.values.load import NO_LOAD, Load
 from hil.values.motion import ParameterRange
 from hil.values.pose import NOWHERE, Pose
-from hil.values.robot import JOINT_NAMES, Seven
-
-Six = tuple[float, float, float, float, float, float]
+from hil.values.robot import JOINT_NAMES, Seven, Six
 
 NO_WRENCH: Final[Six] = (0.0,) * 6
 OFF: Final = 1e6

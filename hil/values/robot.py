@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 Three = tuple[float, float, float]
+Six = tuple[float, float, float, float, float, float]
 Seven = tuple[float, float, float, float, float, float, float]
 
 JOINT_COUNT = 7

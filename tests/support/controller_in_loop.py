@@ -6,6 +6,7 @@ That is the only way to an arm that cannot follow, and to an interpolator that f
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
+from typing import Any
 
 import pytest
 
@@ -41,8 +42,8 @@ async def serving(
         frame=frames,
     )
 
-    def with_arm(config: RobotConfig) -> RobotParts:
-        parts = open_parts(config)
+    def with_arm(config: RobotConfig, **more: Any) -> RobotParts:
+        parts = open_parts(config, **more)
         if arm is None:
             return parts
         parts.backend.close()

@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 
 from hil.core.control.oscillation import Oscillation
-from hil.values.control import CartesianPlane, ForceOscillation, Six, create_spiral_pattern
+from hil.values.control import CartesianPlane, ForceOscillation, create_spiral_pattern
+from hil.values.robot import Six
 
 STILL: Six = (0.0,) * 6
 SINE = ForceOscillation(

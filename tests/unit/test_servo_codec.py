@@ -16,7 +16,6 @@ from hil.values.control import (
     ForceOscillation,
     JointImpedanceControlMode,
     PositionControlMode,
-    Six,
 )
 from hil.values.errors import ConfigurationError, HilError, MalformedDatagram
 from hil.values.frames import FLANGE, MAX_FRAME_NAME_BYTES, MAX_FRAMES, Frame, FrameKind
@@ -33,6 +32,7 @@ from hil.values.motion import (
 from hil.values.operator import OperatorView, ProgramState
 from hil.values.outcomes import Outcome
 from hil.values.pose import Pose
+from hil.values.robot import Six
 from hil.values.servo import (
     MAX_COMMANDER_BYTES,
     MAX_DETAIL_BYTES,

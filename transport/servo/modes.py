@@ -11,10 +11,9 @@ from hil.values.control import (
     ForceOscillation,
     JointImpedanceControlMode,
     PositionControlMode,
-    Six,
 )
 from hil.values.errors import ConfigurationError
-from hil.values.robot import JOINT_COUNT, Seven
+from hil.values.robot import JOINT_COUNT, Seven, Six
 from transport.servo import servo_pb2
 from transport.servo.fields import read_counted, undecodable
 

@@ -27,10 +27,9 @@ from hil.values.control import (
     CartesianImpedanceControlMode,
     CartesianSineImpedanceControlMode,
     ForceOscillation,
-    Six,
     six,
 )
-from hil.values.robot import JOINT_COUNT, Seven
+from hil.values.robot import JOINT_COUNT, Seven, Six
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -2,7 +2,8 @@
 
 from typing import NamedTuple
 
-from hil.values.control import OFF, CartesianDof, CartesianImpedanceControlMode, Six
+from hil.values.control import OFF, CartesianDof, CartesianImpedanceControlMode
+from hil.values.robot import Six
 
 _DOFS = tuple(CartesianDof)
 

@@ -7,7 +7,8 @@ where it is: a new frequency alone changes no force, a new amplitude, phase or b
 import math
 from typing import Final
 
-from hil.values.control import ForceOscillation, Six
+from hil.values.control import ForceOscillation
+from hil.values.robot import Six
 
 _FULL_TURN: Final = 2.0 * math.pi
 

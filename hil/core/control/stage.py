@@ -21,10 +21,9 @@ from hil.values.control import (
     ControlSetup,
     JointImpedanceControlMode,
     PositionControlMode,
-    Six,
 )
 from hil.values.motion import Fault
-from hil.values.robot import Seven
+from hil.values.robot import Seven, Six
 from hil.values.tuples import new_tuple
 
 if TYPE_CHECKING:

@@ -17,8 +17,8 @@ import numpy as np
 
 from hil.core.control.dynamics import Dynamics
 from hil.values.arm import seven
-from hil.values.control import Six, six
-from hil.values.robot import Seven
+from hil.values.control import six
+from hil.values.robot import Seven, Six
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -8,10 +8,10 @@ from hil.core.kinematics.srs import SrsKinematics
 from hil.core.motion.executive import MotionExecutive
 from hil.core.motion.set_point import STILL
 from hil.core.settings import NS_PER_MS, FriSettings
-from hil.values.control import NO_WRENCH, ControlSetup, Six
+from hil.values.control import NO_WRENCH, ControlSetup
 from hil.values.fri import SEQUENCE_MODULUS, OverlayKind
 from hil.values.fri_messages import CommandData, CommandMessage
-from hil.values.robot import JOINT_NAMES, JointLimits, Seven
+from hil.values.robot import JOINT_NAMES, JointLimits, Seven, Six
 
 _Demand: TypeAlias = tuple[Seven, Seven, Six]
 """What a command asks for, whatever the overlay: position in rad, and what is added to it: torques in Nm, a wrench."""

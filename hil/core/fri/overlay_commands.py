@@ -8,12 +8,12 @@ from hil.core.kinematics.answers import NoPosition
 from hil.core.kinematics.redundancy import largest_change_rad
 from hil.core.kinematics.srs import SrsKinematics
 from hil.core.motion.set_point import STILL
-from hil.values.control import NO_WRENCH, Six, six
+from hil.values.control import NO_WRENCH, six
 from hil.values.fri import RedundancyStrategy
 from hil.values.fri_messages import CommandData, Vector
 from hil.values.outcomes import Outcome
 from hil.values.pose import Pose
-from hil.values.robot import JOINT_NAMES, Seven
+from hil.values.robot import JOINT_NAMES, Seven, Six
 
 MAX_WRENCH: Final[Six] = (200.0, 200.0, 200.0, 40.0, 40.0, 40.0)
 """What a wrench overlay may add, N and Nm. Ours, no public figure (facts 6.3): half as much again as the heaviest

@@ -13,10 +13,10 @@ from hil.core.motion.queue import MotionQueue
 from hil.core.motion.set_point import STILL, SetPoint
 from hil.core.motion.tempo import Tempo
 from hil.values.arm import seven
-from hil.values.control import NO_WRENCH, ControlSetup, Six
+from hil.values.control import NO_WRENCH, ControlSetup
 from hil.values.errors import IllegalTransition
 from hil.values.motion import Fault
-from hil.values.robot import JointLimits, Seven
+from hil.values.robot import JointLimits, Seven, Six
 
 POSITION: Final = ControlSetup()
 
