@@ -16,7 +16,6 @@ from hil.values.fri_messages import MonitoringMessage
 from tests.support.processes import finish, hil, own_host, wait_for_line
 from transport.fri import FriCodec
 
-pytestmark = pytest.mark.alone
 PERIOD_MS = 5
 RAISED_RAD = 0.15
 
@@ -35,6 +34,7 @@ def controller(host: str, *arguments: object, connect_s: float = 10.0) -> "subpr
     )  # fmt: skip
 
 
+@pytest.mark.alone
 def test_a_lost_cabinet_stops_the_motion_and_one_that_comes_back_moves_when_told_to(tmp_path: Path) -> None:
     host, servo, pad = own_host(), own_host(), tmp_path / "pad"
     outer_status, inner_status, capture = (tmp_path / name for name in ("outer.json", "inner.json", "run.pcapng"))
@@ -129,6 +129,7 @@ def message(release: Release, *, send_period_ms: int = PERIOD_MS) -> bytes:
     )
 
 
+@pytest.mark.alone
 def test_run_with_shadow_only_watches(tmp_path: Path) -> None:
     host, status = own_host(), tmp_path / "watched.json"
     watched = robot_side(host, "--status-json", status)

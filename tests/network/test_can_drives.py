@@ -15,10 +15,7 @@ import pytest
 from tests.support.cli import cli
 from tests.support.processes import finish, hil, own_host, wait_for_line
 
-pytestmark = [
-    pytest.mark.alone,
-    pytest.mark.skipif(find_spec("serial") is None, reason="slcan needs pyserial: pip install 'fri-hil[can]'"),
-]
+pytestmark = pytest.mark.skipif(find_spec("serial") is None, reason="slcan needs pyserial: pip install 'fri-hil[can]'")
 
 
 @contextmanager
@@ -52,6 +49,7 @@ def null_modem() -> Iterator[tuple[str, str]]:
             os.close(end)
 
 
+@pytest.mark.alone
 def test_drives_in_another_process_are_set_up_and_their_end_stops_the_arm() -> None:
     """Set up by SDO, and answering; how well a terminal in Python keeps the cycle is its own affair."""
     with null_modem() as (theirs, ours):

@@ -20,7 +20,7 @@ def test_demo_leaves_picture_status_capture_and_table(tmp_path: Path) -> None:
     client = json.loads((tmp_path / "out" / "client.json").read_text())
     arm = status["robots"]["arm"]
     assert client["answers"] - 2 <= arm["packets"]["received"] <= client["answers"]
-    # How soon a machine gets there, and stays there, at 1 kHz is its own affair: CI's was busy once.
+    # How soon a machine gets there, and stays there, is its own affair: CI's was busy once.
     assert client["states"]["COMMANDING_ACTIVE"] > 100
     for figure in ("rate_hz", "ticks", "missed_cycles", "max_flange_speed_mm_s", "initial_position", "stops"):
         assert figure in arm

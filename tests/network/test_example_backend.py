@@ -15,8 +15,6 @@ from tests.support.cli import cli
 from tests.support.processes import ROOT, finish, hil, own_host, wait_for_line
 from tests.support.virtual_controller import PLUGIN
 
-pytestmark = pytest.mark.alone
-
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
