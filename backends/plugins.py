@@ -4,7 +4,6 @@ from collections.abc import Mapping
 
 from hil.values.arm import Backend, Capabilities
 from hil.values.backend import BackendPlugin, BackendRequest, no_options
-from hil.values.errors import ConfigurationError
 
 
 def _make_ideal(request: BackendRequest) -> Backend:
@@ -35,9 +34,7 @@ def _make_mujoco(request: BackendRequest) -> Backend:
 def _check_mujoco(options: Mapping[str, object]) -> None:
     from backends.mujoco.options import parse_options
 
-    scene = parse_options(options).scene
-    if scene is not None and not scene.is_file():
-        raise ConfigurationError(f"there is no scene file {scene}")
+    parse_options(options)
 
 
 def _mujoco_capabilities() -> Capabilities:

@@ -176,17 +176,11 @@ class Nodes:
 
     def _set_supervision(self, place: int) -> None:
         period_ms = self._options.heartbeat_ms
-        try:
-            self._nodes[place].sdo.download(objects.PRODUCER_HEARTBEAT, 0, struct.pack("<H", period_ms))
-        except SdoAbortedError as error:
-            if error.code not in _NO_SUCH_OBJECT:
-                raise self._failed(place, objects.PRODUCER_HEARTBEAT, 0, error) from error
+        if not self._write_if_there(place, objects.PRODUCER_HEARTBEAT, struct.pack("<H", period_ms)):
             self.guarded.add(place)
             self._write(place, objects.GUARD_TIME, 0, struct.pack("<H", period_ms))
             self._write(place, objects.LIFE_TIME, 0, struct.pack("<B", _LIFE_FACTOR))
             return
-        except SdoError as error:
-            raise self._failed(place, objects.PRODUCER_HEARTBEAT, 0, error) from error
         watched = objects.OUR_NODE << 16 | _LATEST_HEARTBEATS * period_ms
         self._write(place, objects.CONSUMER_HEARTBEAT, 1, struct.pack("<I", watched))
 
@@ -217,15 +211,17 @@ class Nodes:
         request = struct.pack("<BHB", command, index, sub) + data.ljust(4, b"\0")
         self._network.send_message(0x600 + number, request)
 
-    def _write_if_there(self, place: int, index: int, data: bytes, *, sub: int = 0) -> None:
-        """Write an object that a drive need not have."""
+    def _write_if_there(self, place: int, index: int, data: bytes, *, sub: int = 0) -> bool:
+        """Write an object that a drive need not have; return whether it has it."""
         try:
             self._nodes[place].sdo.download(index, sub, data)
         except SdoAbortedError as error:
             if error.code not in _NO_SUCH_OBJECT:
                 raise self._failed(place, index, sub, error) from error
+            return False
         except SdoError as error:
             raise self._failed(place, index, sub, error) from error
+        return True
 
     def _write(self, place: int, index: int, sub: int, data: bytes) -> None:
         self._asked(place, index, sub, lambda: self._nodes[place].sdo.download(index, sub, data))

@@ -79,9 +79,15 @@ class MujocoBackend(InProcessBackend):
         self._take_place(model, mujoco.MjData(model), description)
 
     def _take_place(
-        self, model: "mujoco.MjModel", data: "mujoco.MjData", description: RobotDescription, *, prefix: str = ""
+        self,
+        model: "mujoco.MjModel",
+        data: "mujoco.MjData",
+        description: RobotDescription,
+        *,
+        prefix: str = "",
+        base_in_world: "NDArray[np.float64] | None" = None,
     ) -> None:
-        """Be the arm of that ``prefix`` in a world."""
+        """Be the arm of that ``prefix`` in a world; its base is turned as the rotation says, or not at all."""
         self._model, self._data = model, data
         joint = model.joint(prefix + JOINT_NAMES[0])
         first_dof, first_position = int(joint.dofadr[0]), int(joint.qposadr[0])
@@ -97,7 +103,7 @@ class MujocoBackend(InProcessBackend):
         self._armature: NDArray[np.float64] = model.dof_armature[dofs].copy()
         self._position[:] = description.initial_position_rad
         self._brakes = Brakes(model, description.limits.torque_nm, first_dof=first_dof)
-        self._pushes = Pushes(model, data, prefix=prefix)
+        self._pushes = Pushes(model, data, prefix=prefix, base_in_world=base_in_world)
         self._whole_torque, self._whole_acceleration = np.zeros(model.nv), np.zeros(model.nv)
         self._torque, self._acceleration = self._whole_torque[dofs], self._whole_acceleration[dofs]
         self._acceleration_memory = self._acceleration.data.cast("B")

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import mujoco
 
+from backends.mujoco.backend import STEP_NS
 from backends.mujoco.load import hang
 from backends.robots import mjcf_path
 from backends.robots.facts import GRAVITY_M_S2
@@ -17,7 +18,6 @@ from hil.values.pose import Pose
 from hil.values.robot import JOINT_COUNT, Three
 from hil.values.surroundings import SceneArm, SceneObject, Shape
 
-STEP_S: Final = 0.001
 _LINK_RADII_M: Final = (0.075, 0.075, 0.07, 0.07, 0.06, 0.055)
 _FLANGE_RADIUS_M: Final = 0.0315
 _BASE_RADIUS_M: Final = 0.085
@@ -54,6 +54,11 @@ def build(arms: tuple[SceneArm, ...], objects: tuple[SceneObject, ...], *, scene
     """
     if len(arms) > _MOST_ARMS:
         raise ConfigurationError(f"{len(arms)} arms in one MuJoCo world, {_MOST_ARMS} at most")
+    for arm in arms:
+        if (arm.base_in_world @ _UP).z_m - arm.base_in_world.z_m < _UPRIGHT:
+            raise ConfigurationError(
+                f"the base of {arm.name} leans: in a scene an arm stands upright, b_deg and c_deg are 0"
+            )
     spec = _world(scene)
     gravity = tuple(map(float, spec.option.gravity))
     if gravity != _GRAVITY:
@@ -61,7 +66,7 @@ def build(arms: tuple[SceneArm, ...], objects: tuple[SceneObject, ...], *, scene
             f"the scene file {scene} has the gravity {gravity}, and these arms know {_GRAVITY} m/s2 alone"
         )
     spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    spec.option.timestep = STEP_S
+    spec.option.timestep = STEP_NS * 1e-9
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     try:
         for number, arm in enumerate(arms):
@@ -80,8 +85,6 @@ def build(arms: tuple[SceneArm, ...], objects: tuple[SceneObject, ...], *, scene
 def _world(scene: Path | None) -> "mujoco.MjSpec":
     if scene is None:
         return mujoco.MjSpec()
-    if not scene.is_file():
-        raise ConfigurationError(f"there is no scene file {scene}")
     try:
         return mujoco.MjSpec.from_file(str(scene))
     except (ValueError, mujoco.FatalError) as error:
@@ -100,7 +103,7 @@ def _attach(spec: "mujoco.MjSpec", arm: SceneArm, number: int) -> None:
     bodies = [robot.body(f"link_{link}") for link in range(1, JOINT_COUNT + 1)]
     ends = [*(body.pos[2] for body in bodies), robot.site("flange").pos[2]]
     for body, radius, length in zip(
-        [robot.worldbody, *bodies[:-1]], (_BASE_RADIUS_M, *_LINK_RADII_M), ends, strict=False
+        [robot.worldbody, *bodies[:-1]], (_BASE_RADIUS_M, *_LINK_RADII_M), ends[:-1], strict=True
     ):
         _capsule(body, radius, (0.0, 0.0, float(length)), bits)
     flange = float(ends[-1])
@@ -116,10 +119,6 @@ def _attach(spec: "mujoco.MjSpec", arm: SceneArm, number: int) -> None:
             rod = {**bits, "group": _SHOWN_GROUP}
             _capsule(bodies[-1], _TOOL_RADIUS_M, (x, y, flange + z), rod, begin=(0.0, 0.0, flange))
     pose = arm.base_in_world
-    if (pose @ _UP).z_m - pose.z_m < _UPRIGHT:
-        raise ConfigurationError(
-            f"the base of {arm.name} leans: in a scene an arm stands upright, b_deg and c_deg are 0"
-        )
     frame = spec.worldbody.add_frame(pos=pose.position_m, quat=pose.quaternion_wxyz())
     spec.attach(robot, prefix=prefix_of(arm.name), frame=frame)
 

@@ -3,7 +3,6 @@
 from typing import Final
 
 from backends.mujoco.backend import MujocoBackend
-from backends.mujoco.pushes import Pushes
 from backends.mujoco.scene import prefix_of
 from backends.mujoco.torque_sensors import TorqueSensors
 from backends.mujoco.world import World
@@ -23,10 +22,13 @@ class SceneArm(MujocoBackend):
         self.name = request.robot
         self._world = world
         self._sensors = TorqueSensors(seed=request.seed, noise=request.torque_noise)
-        prefix = prefix_of(self.name)
-        self._take_place(world.model, world.data, request.description, prefix=prefix)
-        turn = request.base_in_world.homogeneous()[:3, :3]
-        self._pushes = Pushes(world.model, world.data, prefix=prefix, base_in_world=turn)
+        self._take_place(
+            world.model,
+            world.data,
+            request.description,
+            prefix=prefix_of(self.name),
+            base_in_world=request.base_in_world.homogeneous()[:3, :3],
+        )
 
     def drive(self, share: float) -> None:
         """Give the motors what they give after ``share`` of the cycle."""

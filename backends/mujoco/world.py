@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 import mujoco
 
+from backends.mujoco.backend import STEP_NS
 from backends.mujoco.options import MujocoOptions
-from backends.mujoco.scene import STEP_S, build, prefix_of
+from backends.mujoco.scene import build, prefix_of
 from backends.robots import load_description
 from hil.values.backend import BackendRequest
 from hil.values.errors import BackendError, ConfigurationError
@@ -87,7 +88,7 @@ class World:
             self._advance()
 
     def _advance(self) -> None:
-        steps = round((self._period_ns or 0) * 1e-9 / STEP_S)
+        steps = (self._period_ns or 0) // STEP_NS
         before = self.data.time
         for index in range(steps):
             mujoco.mj_step1(self.model, self.data)

@@ -59,23 +59,25 @@ class FriPort:
         self.endpoint.close()
 
 
-class ServoPort:
-    """The socket all applications of a robot send to."""
+class _ServerPort:
+    """One socket for ``link``, to which whoever likes sends, and that answers whom the core says."""
 
-    def __init__(self, endpoint: ServerEndpoint) -> None:
+    def __init__(self, endpoint: ServerEndpoint, link: str) -> None:
         self.endpoint = endpoint
+        self._link = link
 
     @property
     def local(self) -> Address:
-        """Where applications connect to."""
+        """Where it is bound."""
         return self.endpoint.local
 
     def listen(self, group: asyncio.TaskGroup, take: Taker, *, robot: str) -> list[asyncio.Task[None]]:
-        """Listen to whoever sends."""
-        return [group.create_task(_hand_over(self.endpoint.receive, SERVO_LINK, take), name=f"{robot} servo link")]
+        """Listen to whoever sends; the core knows who is believed."""
+        hand_over = _hand_over(self.endpoint.receive, self._link, take)
+        return [group.create_task(hand_over, name=f"{robot} {self._link}")]
 
     async def send(self, outgoing: Outgoing) -> Address:
-        """Send to the application that the datagram is for."""
+        """Send to whom the datagram is for."""
         destination = outgoing.destination or self.endpoint.local
         await self.endpoint.send(outgoing.payload, destination)
         return destination
@@ -85,27 +87,18 @@ class ServoPort:
         self.endpoint.close()
 
 
-class RobotSidePort:
+class ServoPort(_ServerPort):
+    """The socket all applications of a robot send to."""
+
+    def __init__(self, endpoint: ServerEndpoint) -> None:
+        super().__init__(endpoint, SERVO_LINK)
+
+
+class RobotSidePort(_ServerPort):
     """The socket towards a robot side that is a network peer, which is the one who begins."""
 
     def __init__(self, endpoint: ServerEndpoint) -> None:
-        self.endpoint = endpoint
-
-    @property
-    def local(self) -> Address:
-        """Where the robot side sends to."""
-        return self.endpoint.local
-
-    def listen(self, group: asyncio.TaskGroup, take: Taker, *, robot: str) -> list[asyncio.Task[None]]:
-        """Listen to whoever sends; the robot side's codec knows who is believed."""
-        hand_over = _hand_over(self.endpoint.receive, ROBOT_SIDE_LINK, take)
-        return [group.create_task(hand_over, name=f"{robot} robot side")]
-
-    async def send(self, outgoing: Outgoing) -> Address:
-        """Answer the robot side."""
-        destination = outgoing.destination or self.endpoint.local
-        await self.endpoint.send(outgoing.payload, destination)
-        return destination
+        super().__init__(endpoint, ROBOT_SIDE_LINK)
 
     async def wait_until(self, ready: Callable[[Arrival], bool], *, at_most_s: float, stopped: asyncio.Event) -> None:
         """Hand datagrams to ``ready`` until it says so, the time is over, or ``stopped`` is set."""
@@ -124,10 +117,6 @@ class RobotSidePort:
             return
         finally:
             stop.cancel()
-
-    def close(self) -> None:
-        """Release the socket."""
-        self.endpoint.close()
 
 
 async def _hand_over(receive: Callable[[], Awaitable[Arrival]], link: str, take: Taker) -> None:

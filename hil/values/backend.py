@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from hil.values.arm import Backend, Capabilities
+from hil.values.errors import ConfigurationError
 from hil.values.load import NO_LOAD, Load
 from hil.values.pose import NOWHERE, Pose
 from hil.values.robot import RobotDescription
@@ -54,7 +55,5 @@ class BackendPlugin:
 
 def no_options(options: Mapping[str, object]) -> None:
     """Raise :class:`ConfigurationError` if there are any."""
-    from hil.values.errors import ConfigurationError
-
     if options:
         raise ConfigurationError(f"this backend has no options, {next(iter(options))!r} is given")

@@ -2,15 +2,14 @@
 
 import itertools
 from collections.abc import Sequence
-from typing import Final
 
 import can
 
+from backends.can402.objects import SYNC_COB
 from backends.can402.simulated.drive import SimulatedDrive
 from backends.can402.wire import BUS_OFF, MOST_FRAMES_AT_ONCE, BusFailed, Frame, Wire
 
 _channels = itertools.count()
-_NODE_LIMIT: Final = 127
 
 
 class SimulatedDrives:
@@ -60,7 +59,7 @@ class _SimulatedWire(Wire):
         if self._drives.bus_off:
             raise BusFailed(BUS_OFF)
         super().send(frame)
-        if frame.identifier == 0x80:
+        if frame.identifier == SYNC_COB:
             for beat in self._drives.passed(self._period_ns):
                 self._theirs.send(beat)
 
