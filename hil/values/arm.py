@@ -85,6 +85,13 @@ class Push(NamedTuple):
             raise OutOfRange("duration of a push", self.duration_s, f"0 ... {MAX_PUSH_S:g} s")
 
 
+class Contact(NamedTuple):
+    """Something touches the arm: where, and with what force on the arm; m and N, axes of the robot base."""
+
+    point_m: Three
+    force_n: Three
+
+
 class RobotSideCondition(NamedTuple):
     """What a robot side says of itself beside the measured arm; the same object as long as nothing changed."""
 
