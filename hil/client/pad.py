@@ -63,6 +63,39 @@ class SignalInfo(TypedDict):
     fri: bool
 
 
+class MarginInfo(TypedDict):
+    """How near a monitor came to its trip in this run: the share of the limit that was used at most."""
+
+    used: float
+    at_s: float
+    axis: str | None
+
+
+class LatencyInfo(TypedDict):
+    """How long the FRI client's last answer took, None where there was none, and how late the last cycle began."""
+
+    answer_ms: float | None
+    cycle_ms: float
+
+
+class RobotInfo(TypedDict):
+    """What stays the same of a robot while its controller runs; ``servo`` is None where it serves no applications."""
+
+    model: str
+    backend: str
+    cycle_ms: int
+    servo: str | None
+    servo_key_file: str | None
+    moves_real_drives: bool
+
+
+class StationInfo(TypedDict):
+    """What a controller serves; an object has the keys of an ``[[object]]`` of the station file."""
+
+    robots: dict[str, RobotInfo]
+    objects: list[dict[str, Any]]
+
+
 class RobotState(TypedDict):
     """What the pad shows of one robot; names are those of :mod:`hil.values.operator` and :mod:`hil.values.fri`."""
 
@@ -78,6 +111,8 @@ class RobotState(TypedDict):
     commander: str | None
     last_stop: StopInfo | None
     closest: str
+    margins: dict[str, MarginInfo]
+    latency: LatencyInfo
     io: dict[str, SignalInfo]
     time_s: float
     cycles: int
@@ -210,6 +245,11 @@ class PadClient:
     def status(self) -> dict[str, RobotState]:
         """Return what the pad shows, by robot."""
         return self._ask("status")
+
+    def describe(self) -> StationInfo:
+        """Return what stays the same while the controller runs: its robots, where they are served, its objects."""
+        told = self._answer("describe", {})
+        return {"robots": told["robots"], "objects": told["objects"]}
 
     def start_capture(self, writer: Path, file: Path, ring: str | None = None) -> CaptureInfo:
         """Record to the process that listens at ``writer`` and writes ``file``; ``ring`` is FILESxSIZE."""

@@ -271,6 +271,11 @@ class Controller:
         return self._safety.closest
 
     @property
+    def margins(self) -> dict[str, dict[str, object]]:
+        """How much of each limit was used at most, when, and by which axis."""
+        return self._safety.monitors.report()
+
+    @property
     def stops(self) -> deque[ArmStopped]:
         """The last stops, and ends of motions for an error."""
         return self._safety.stops

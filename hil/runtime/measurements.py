@@ -10,6 +10,7 @@ class RunMeasurements:
         self.lateness = Histogram()
         self.cycle = Histogram()
         self.missed_cycles = 0
+        self.last_lateness_ns = 0
         self._ticks = 0
         self._first_ns = 0
         self._last_ns = 0
@@ -29,6 +30,7 @@ class RunMeasurements:
             self._first_ns = began_ns
         self._ticks += 1
         self._last_ns = began_ns
+        self.last_lateness_ns = lateness_ns
         self.lateness.add(lateness_ns)
         self.cycle.add(cost_ns + self._between_ns)
         self._between_ns = 0

@@ -10,7 +10,7 @@ import os
 import socket
 import struct
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -47,6 +47,9 @@ class PadRobot(Protocol):
     def operator_state(self) -> dict[str, object]:
         """Return what the pad shows; what JSON can say."""
 
+    def description(self) -> dict[str, object]:
+        """Return what stays the same while it runs; what JSON can say."""
+
 
 class PadCaptures(Protocol):
     """The recordings of the run as the pad sees them."""
@@ -62,7 +65,10 @@ class PadCaptures(Protocol):
 
 
 class OperatorChannel:
-    """Binds in ``open``, serves from ``serve`` to ``close``. ``place`` is the socket's path; None: one is chosen."""
+    """Binds in ``open``, serves from ``serve`` to ``close``. ``place`` is the socket's path; None: one is chosen.
+
+    ``objects`` is what stands around the robots, for whoever draws it.
+    """
 
     def __init__(
         self,
@@ -71,9 +77,11 @@ class OperatorChannel:
         *,
         clock: Clock,
         captures: PadCaptures | None = None,
+        objects: Sequence[Mapping[str, object]] = (),
     ) -> None:
         self._place = place
         self._captures = captures
+        self._objects = list(objects)
         self._robots = robots
         self._clock = clock
         self._socket: PadSocket | None = None
@@ -243,6 +251,10 @@ class OperatorChannel:
 
     def _answer(self, connection: Connection, request: PadRequest) -> None:
         names = list(self._robots) if request.capture is not None else self._addressed(request)
+        if request.describe:
+            robots = {name: self._robots[name].description() for name in names}
+            connection.answer({"ok": True, "robots": robots, "objects": self._objects}, request.request_id)
+            return
         told: Message = {"ok": True, "robots": self._states(names)}
         if self._captures is not None:
             told["capture"] = self._captures.report()

@@ -13,7 +13,7 @@ REQUEST_INTERVAL_NS: Final = 50_000_000
 """Between two requests of a connection, when it has used up its burst."""
 UNREAD_BYTES: Final = 1 << 16
 """What is kept for a pad that does not read; lines that would come then are lost, and counted."""
-_VOLATILE: Final = frozenset({"time_s", "cycles", "closest"})
+_VOLATILE: Final = frozenset({"time_s", "cycles", "closest", "margins", "latency"})
 """Parts of a robot's state that change all the time, and are no change to be told."""
 
 Message = dict[str, object]

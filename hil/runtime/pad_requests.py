@@ -29,6 +29,8 @@ class PadRequest(NamedTuple):
     robot: str | None = None
     request_id: RequestId = None
     capture: "CaptureRequest | None" = None
+    describe: bool = False
+    """Whether it asks for what stays the same while the controller runs."""
 
 
 class CaptureRequest(NamedTuple):
@@ -198,6 +200,10 @@ def _status(_what: str, _fields: Mapping[str, Any]) -> PadRequest:
     return PadRequest()
 
 
+def _describe(_what: str, _fields: Mapping[str, Any]) -> PadRequest:
+    return PadRequest(describe=True)
+
+
 def _watch(_what: str, _fields: Mapping[str, Any]) -> PadRequest:
     return PadRequest(watch=True)
 
@@ -212,6 +218,7 @@ _REQUESTS: Final[Mapping[str, tuple[tuple[str, ...], Callable[[str, Mapping[str,
     "capture": (("capture", "writer", "file", "ring"), _capture),
     "status": ((), _status),
     "watch": ((), _watch),
+    "describe": ((), _describe),
 }
 """By ``do``: the keys it has beside those all have, and what reads it."""
 

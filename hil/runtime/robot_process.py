@@ -134,9 +134,33 @@ class RobotProcess:
                 "reason": stop.reason,
             },
             "closest": controller.closest,
+            "margins": controller.margins,
+            "latency": self._latency(),
             "io": controller.signals.report(),
             "time_s": round((self._clock.now_ns() - self._epoch_ns) / 1e9, 3),
             "cycles": controller.ticks,
+        }
+
+    def description(self) -> dict[str, object]:
+        """Return what stays the same while it runs; ``servo`` is where applications and observers connect to."""
+        servo, bound = self.config.servo, self.local_address(SERVO_LINK)
+        key_file = None if servo is None or servo.key_file is None else str(servo.key_file.absolute())
+        return {
+            "model": self.config.model,
+            "backend": self.config.backend,
+            "cycle_ms": self.config.cycle_ms,
+            "servo": None if bound is None else str(bound),
+            "servo_key_file": key_file,
+            "moves_real_drives": self.moves_real_drives,
+        }
+
+    def _latency(self) -> dict[str, float | None]:
+        """Return how long the client's last answer took, and how late the last cycle began; ms."""
+        fri = self.controller.fri
+        used = [] if fri is None else fri.path.used
+        return {
+            "answer_ms": round(used[-1][1] / 1e6, 4) if used else None,
+            "cycle_ms": round(self.measurements.last_lateness_ns / 1e6, 4),
         }
 
     def local_address(self, link: str) -> Address | None:

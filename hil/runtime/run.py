@@ -130,7 +130,8 @@ class _Run:
         if self._station.pad == NO_PAD:
             return None
         robots = {robot.config.name: robot for robot in self._robots}
-        pad = OperatorChannel(self._station.pad, robots, clock=self._clock, captures=self._captures)
+        objects = [one.model_dump(mode="json") for one in self._station.object]
+        pad = OperatorChannel(self._station.pad, robots, clock=self._clock, captures=self._captures, objects=objects)
         pad.open()
         return pad
 
