@@ -1,5 +1,7 @@
 """``hil view``: running robots in a browser, and the operator's pad beside them."""
 
+import contextlib
+import os
 import signal
 import threading
 from pathlib import Path
@@ -29,6 +31,9 @@ def view(
     token: Annotated[
         str | None, typer.Option(metavar="TEXT", help="The operator's token; a new one is made unless given.")
     ] = None,
+    end_with_input: Annotated[
+        bool, typer.Option("--end-with-input", hidden=True, help="End when the standard input does.")
+    ] = False,
     servo_key: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Pre-shared key of the servo links given by address.")
     ] = None,
@@ -47,6 +52,8 @@ def view(
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda _number, _frame: ended.set())
+    if end_with_input:
+        threading.Thread(target=_end_with_input, args=(ended,), daemon=True).start()
     with Watch(sources) as watch:
         page = Page(watch, host=host, port=port, token=secret)
         try:
@@ -55,6 +62,14 @@ def view(
             page.run(ended)
         finally:
             page.close()
+
+
+def _end_with_input(ended: threading.Event) -> None:
+    # Not through sys.stdin, whose lock a thread that reads would hold at the end of the interpreter.
+    with contextlib.suppress(OSError):
+        while os.read(0, 4096):
+            pass
+    ended.set()
 
 
 def _say(page: "Page", *, may_act: bool) -> None:

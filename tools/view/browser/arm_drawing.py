@@ -200,7 +200,7 @@ class ArmDrawing:
         force = snapshot.flange_force[:3]
         flange = snapshot.flange_in_base.position_m
         _aim(self._force, [(flange, force)] if math.hypot(*force) >= _LEAST_FORCE_N else [])
-        _aim(self._contacts, [(one.point_m, one.force_n) for one in getattr(snapshot, "contacts", ())])
+        _aim(self._contacts, [(one.point_m, one.force_n) for one in snapshot.contacts])
 
     def _frame_in_base(self, frames: FrameTree, frame: Frame) -> Pose:
         if not frame.moves:

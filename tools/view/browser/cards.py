@@ -6,7 +6,7 @@ from html import escape
 from typing import Final
 
 from hil.client.pad import RobotState
-from hil.values.operator import OperatorView, ProgramState
+from hil.values.operator import ProgramState
 from hil.values.pose import Pose
 from hil.values.robot import JOINT_NAMES, JointLimits
 from hil.values.servo import Snapshot
@@ -37,7 +37,7 @@ def status_card(robot: str, now: ArmNow, pad: RobotState | None) -> str:
     badges = [
         _badge(view.mode.name, "#1971c2"),
         _badge(view.program.name.replace("_", " "), _PROGRAM_COLOURS[view.program]),
-        _badge("enabled" if _enabled(view) else "not enabled", _GOOD if _enabled(view) else _PLAIN),
+        _badge("enabled" if view.enabling else "not enabled", _GOOD if view.enabling else _PLAIN),
         _badge(f"{view.override_percent:g} %", _PLAIN),
     ]
     if view.permissive:
@@ -52,10 +52,6 @@ def status_card(robot: str, now: ArmNow, pad: RobotState | None) -> str:
     return _box(f"<b data-hil='robot'>{escape(robot)}</b> " + "".join(badges) + "".join(lines))
 
 
-def _enabled(view: OperatorView) -> bool:
-    return view.enabling
-
-
 def axes_card(snapshot: Snapshot, limits: JointLimits) -> str:
     """Return the axis positions between their ends, in degrees, with torques and external torques in Nm."""
     rows = []
@@ -66,9 +62,9 @@ def axes_card(snapshot: Snapshot, limits: JointLimits) -> str:
         colour = _BAD if near < 0.0 else _NEAR if near < _NEAR_END_DEG else "#1971c2"
         rows.append(
             f"<tr><td><b>{name}</b></td><td style='width:45%'>{_mark((value - low) / (high - low), colour)}</td>"
-            f"<td style='text-align:right' data-hil='{name}'>{value:.2f}°</td>"
-            f"<td style='text-align:right'>{snapshot.measured_torque[axis]:.1f}</td>"
-            f"<td style='text-align:right'>{snapshot.external_torque[axis]:.1f}</td></tr>"
+            f"<td style='text-align:right' data-hil='{name}'>{value:z.2f}°</td>"
+            f"<td style='text-align:right'>{snapshot.measured_torque[axis]:z.1f}</td>"
+            f"<td style='text-align:right'>{snapshot.external_torque[axis]:z.1f}</td></tr>"
         )
     head = "<tr><th></th><th>between its ends</th><th>position</th><th>Nm</th><th>ext. Nm</th></tr>"
     return _box(f"<table style='width:100%;font-size:0.8em'>{head}{''.join(rows)}</table>")
@@ -79,11 +75,11 @@ def pose_card(title: str, pose: Pose) -> str:
     x, y, z = (1e3 * part for part in pose.position_m)
     a, b, c = pose.abc_deg()
     cells = "".join(
-        f"<td style='text-align:right'><b>{name}</b> <span data-hil='{name}'>{value:.{digits}f}</span>&nbsp;{unit}</td>"
-        for name, value, digits, unit in (("X", x, 1, "mm"), ("Y", y, 1, "mm"), ("Z", z, 1, "mm"))
+        f"<td style='text-align:right'><b>{name}</b> <span data-hil='{name}'>{value:z.1f}</span>&nbsp;mm</td>"
+        for name, value in (("X", x), ("Y", y), ("Z", z))
     )
     turns = "".join(
-        f"<td style='text-align:right'><b>{name}</b> <span data-hil='{name}'>{value:.2f}</span>°</td>"
+        f"<td style='text-align:right'><b>{name}</b> <span data-hil='{name}'>{value:z.2f}</span>°</td>"
         for name, value in (("A", a), ("B", b), ("C", c))
     )
     return _box(f"{_small(title)}<table style='width:100%;font-size:0.85em'><tr>{cells}</tr><tr>{turns}</tr></table>")
@@ -91,7 +87,7 @@ def pose_card(title: str, pose: Pose) -> str:
 
 def speed_card(snapshot: Snapshot, pad: RobotState | None) -> str:
     """Return the flange's speed against T1's limit, and the most that was used of it in this run."""
-    speed = getattr(snapshot, "flange_speed_mm_s", 0.0)
+    speed = snapshot.flange_speed_mm_s
     share = speed / T1_LIMIT_MM_S
     most = 0.0 if pad is None else max(_used(pad, "T1, commanded"), _used(pad, "T1, measured"))
     colour = _BAD if share > 1.0 else _NEAR if share > _NEAR_SHARE else _GOOD
