@@ -153,8 +153,8 @@ class Opened:
         urls = [one["request"]["url"] for one in self.told("Network.requestWillBeSent")]
         return [url for url in urls if not url.startswith(("file:", "data:", "blob:"))]
 
-    def picture(self, file: Path) -> Path:
-        """Write what it looks like, all of it."""
-        shot = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=True)
+    def picture(self, file: Path, *, whole: bool = True) -> Path:
+        """Write what it looks like: all of it, for which it is laid out anew, or what is in the window."""
+        shot = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=whole)
         file.write_bytes(base64.b64decode(shot["data"]))
         return file

@@ -165,8 +165,10 @@ class Jogger:
         destination[axis] = max(ends[1], here[axis]) if key.sign > 0 else min(ends[0], here[axis])
         motion = SmartServo(destination).set_joint_velocity_rel(wanted / fastest)
         client.move_async(motion)
+        runtime = motion.get_runtime(timeout_s=_CONNECT_S)
         for _ in self._steps():
-            motion.get_runtime(_CONNECT_S).update_with_realtime_system()
+            runtime.update_with_realtime_system()
+        motion.stop_motion()
 
     def _move_frame(self, client: ServoClient, key: JogKey) -> None:
         """Lead the frame by a destination that is a little ahead of it on its way."""
@@ -185,6 +187,7 @@ class Jogger:
             done = start.angle_rad(now) if turns else start.distance_m(now)
             gone = min(gone + speed * seconds, done + speed * _AHEAD_S)
             runtime.set_destination(_moved(start, key, key.sign * gone))
+        motion.stop_motion()
 
     def _steps(self) -> Iterator[float]:
         """Yield, until the key is let go, the seconds at full speed that each step stands for: it ramps up."""

@@ -14,9 +14,9 @@ from hil.client.pad import PadClient
 from hil.clock import MonotonicClock
 from hil.values.errors import HilError
 
-RELEASED_AFTER_S: Final = 0.35
-"""Silence after which the enabling switch counts as let go: three messages of a browser that holds it may be late."""
-HOLD_HZ: Final = 10.0
+RELEASED_AFTER_S: Final = 0.5
+"""Silence after which the enabling switch counts as let go: a browser that is slow in drawing says it late."""
+HOLD_HZ: Final = 20.0
 _LOOK_S: Final = 0.05
 _NS: Final = 1_000_000_000
 

@@ -189,7 +189,7 @@ class ArmDrawing:
         lines = np.stack([points[:-1], points[1:]], axis=1)
         if self._trail_line is None:
             self._trail_line = self._scene.add_line_segments(
-                f"{self._root}/trail", lines, _TRAIL, thickness=2.5, visible=self._shown.trail
+                f"{self._root}/trail", lines, _TRAIL, thickness=2.5, thickness_units="screen", visible=self._shown.trail
             )
         else:
             self._trail_line.points = lines

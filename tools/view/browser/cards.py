@@ -30,9 +30,9 @@ _QUALITY_COLOURS: Final = {"EXCELLENT": _GOOD, "GOOD": _GOOD, "FAIR": _NEAR, "PO
 def status_card(robot: str, now: ArmNow, pad: RobotState | None) -> str:
     """Return mode, program, enabling switch, session, and why nothing moves."""
     if now.lost:
-        return _box(_badge("LOST", _BAD) + _line(f"{robot}: {now.lost}"))
+        return _steady(_badge("LOST", _BAD) + _line(f"{robot}: {now.lost}"))
     if now.snapshot is None:
-        return _box(_line(f"{robot}: nothing came yet"))
+        return _steady(_line(f"{robot}: nothing came yet"))
     view = now.snapshot.operator
     badges = [
         _badge(view.mode.name, "#1971c2"),
@@ -49,7 +49,7 @@ def status_card(robot: str, now: ArmNow, pad: RobotState | None) -> str:
         badges.append(_badge(quality, _QUALITY_COLOURS.get(quality, _PLAIN)))
     if now.snapshot.commander:
         lines.append(_line(f"commanded by {now.snapshot.commander}"))
-    return _box(f"<b data-hil='robot'>{escape(robot)}</b> " + "".join(badges) + "".join(lines))
+    return _steady(f"<b data-hil='robot'>{escape(robot)}</b> " + "".join(badges) + "".join(lines))
 
 
 def axes_card(snapshot: Snapshot, limits: JointLimits) -> str:
@@ -97,8 +97,8 @@ def speed_card(snapshot: Snapshot, pad: RobotState | None) -> str:
         "<div style='position:relative;height:14px;background:#e9ecef;border-radius:3px;overflow:hidden'>"
         f"<div style='height:100%;width:{100 * min(share, 1.0):.1f}%;background:{colour}'></div>{mark}</div>"
     )
-    in_t1 = f"most used in T1: {most:.0%}, margin {max(0.0, 1.0 - most):.0%}" if most else "nothing moved in T1 yet"
-    head = f"flange <b data-hil='speed'>{speed:.0f}</b> mm/s of {T1_LIMIT_MM_S:g} mm/s (T1); {in_t1}"
+    margin = f"margin so far {max(0.0, 1.0 - most):.0%}" if most else "nothing moved in T1 yet"
+    head = f"flange <b data-hil='speed'>{speed:.0f}</b> mm/s, T1: {T1_LIMIT_MM_S:g} mm/s, {margin}"
     return _box(f"<div style='font-size:0.85em'>{head}</div>{gauge}")
 
 
@@ -106,7 +106,7 @@ def messages_card(messages: Sequence[Message]) -> str:
     """Return what the operator was told, the newest first."""
     if not messages:
         return _box(_line("nothing was said yet"))
-    shown = list(messages)[-_SHOWN_MESSAGES:][::-1]
+    shown = sorted(messages, key=lambda one: one.at_s, reverse=True)[:_SHOWN_MESSAGES]
     lines = "".join(
         f"<div style='padding:2px 0;border-bottom:1px solid #e9ecef'><span style='color:{_PLAIN}'>"
         f"{one.at_s:.2f} s {escape(one.robot)}</span> {escape(one.text)}</div>"
@@ -156,6 +156,11 @@ def _value(value: bool | float) -> str:
 
 def _box(content: str) -> str:
     return f"<div style='padding:2px 12px 6px 12px;line-height:1.35'>{content}</div>"
+
+
+def _steady(content: str) -> str:
+    """As high with few words as with many: what stands below must not move away under a mouse that presses it."""
+    return _box(f"<div style='height:6em;overflow-y:auto'>{content}</div>")
 
 
 def _small(text: str) -> str:

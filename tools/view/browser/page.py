@@ -143,7 +143,8 @@ class Page:
         return self._renderer
 
     def _take_token(self, client: "viser.ClientHandle", given: str) -> None:
-        if not given:
+        if len(given.strip()) < len(self._token):
+            # It is still being typed.
             return
         if same_token(given, self._token):
             self._add_panel(client, may_act=True)

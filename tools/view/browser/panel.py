@@ -21,7 +21,12 @@ from tools.view.watch import Watch
 _MODES: Final = ("T1", "T2", "AUT")
 _DIRECTIONS: Final = ("X", "Y", "Z", "A", "B", "C")
 _PLOT_EVERY: Final = 10
-"""Updates of the panel to one of the plot."""
+"""Updates of the panel to one of the plots."""
+_PLOTS: Final = {
+    "answer_ms": ("FRI client's answer after our message, ms", "#1971c2"),
+    "cycle_ms": ("control cycle began late by, ms", "#e8590c"),
+}
+"""What is plotted of a robot's times: title and colour."""
 _WIDTH_PX: Final = 400
 _RED: Final = "red"
 
@@ -56,8 +61,10 @@ class Panel:
         self._cards: dict[str, Any] = {}
         self._said: dict[str, str] = {}
         self._override: Any = None
-        self._plot: Any = None
+        self._plots: dict[str, Any] = {}
         self._build()
+        self._gui.main_panel.dock_right()
+        self._gui.main_panel.set_width(_WIDTH_PX)
 
     def close(self) -> None:
         """Let go of what is held; the browser is gone."""
@@ -105,6 +112,9 @@ class Panel:
             if len(names) > 1:
                 choice = gui.add_dropdown("robot", names, initial_value=self._robot)
                 choice.on_update(lambda _event: self._choose_robot(choice.value))
+            if self._operator is not None:
+                stop = gui.add_button("EMERGENCY STOP", color=_RED, icon=viser.Icon.HAND_STOP)
+                stop.on_click(partial(_stop_everything, self._operator))
             self._card("status")
             if self._operator is not None:
                 self._build_keys(self._operator)
@@ -128,8 +138,6 @@ class Panel:
                 self._build_latency()
             with tabs.add_tab("View"):
                 self._build_view()
-            gui.main_panel.dock_right()
-            gui.main_panel.set_width(_WIDTH_PX)
 
     def _card(self, name: str) -> None:
         self._cards[name] = self._gui.add_html("")
@@ -148,8 +156,6 @@ class Panel:
 
     def _build_keys(self, operator: Operator) -> None:
         gui = self._gui
-        stop = gui.add_button("EMERGENCY STOP", color=_RED, icon=viser.Icon.HAND_STOP)
-        stop.on_click(lambda _event: operator.stop_everything())
         enabling = gui.add_button("Enabling switch: hold", color="gray", hint="for as long as the button is pressed")
         enabling.on_hold(lambda _event: self._hold(operator), callback_hz=HOLD_HZ)
         enabling.on_click(lambda _event: operator.release(self._robot))
@@ -268,30 +274,24 @@ class Panel:
         return lambda _event: operator.press(self._robot, lambda pad: pad.set_input(name, field.value))
 
     def _build_latency(self) -> None:
-        self._plot = self._gui.add_uplot(
-            (np.zeros(1), np.zeros(1), np.zeros(1)),
-            (
-                {"label": "s"},
-                {"label": "FRI answer ms", "stroke": "#1971c2", "width": 1.5},
-                {"label": "cycle late ms", "stroke": "#e8590c", "width": 1.5},
-            ),
-            title="latency",
+        self._plots = {what: self._plot_of(*look) for what, look in _PLOTS.items()}
+        self._gui.add_html(cards.note("Looked at five times a second; the last minute."))
+
+    def _plot_of(self, title: str, colour: str) -> Any:
+        return self._gui.add_uplot(
+            (np.zeros(1), np.zeros(1)),
+            ({"label": "s"}, {"label": "ms", "stroke": colour, "width": 1.5}),
+            title=title,
             scales={"x": {"time": False}},
-            height=220,
-        )
-        self._gui.add_markdown(
-            "Once in 0.2 s: how long the FRI client's last answer took, and how late the last control cycle began."
+            height=170,
         )
 
     def _draw_latency(self) -> None:
         times = self._watch.latencies(self._robot)
-        if times and self._plot is not None:
-            columns = (
-                [one.at_s for one in times],
-                [np.nan if one.answer_ms is None else one.answer_ms for one in times],
-                [one.cycle_ms for one in times],
-            )
-            self._plot.data = tuple(np.array(column, np.float64) for column in columns)
+        for what, plot in self._plots.items():
+            points = [(one.at_s, value) for one in times if (value := getattr(one, what)) is not None]
+            if points:
+                plot.data = tuple(np.array(points, np.float64).T)
 
     def _build_view(self) -> None:
         gui, shown = self._gui, self._renderer.shown
@@ -312,3 +312,7 @@ class Panel:
             self._renderer.choose()
 
         return choose
+
+
+def _stop_everything(operator: Operator, _event: object) -> None:
+    operator.stop_everything()
