@@ -4,7 +4,7 @@ import math
 from abc import ABC, abstractmethod
 from typing import Final
 
-from hil.values.arm import AT_WORK, ArmState, Capabilities, JointCommand, Push, RobotSideCondition
+from hil.values.arm import AT_WORK, ArmState, Capabilities, Contact, JointCommand, Push, RobotSideCondition
 from hil.values.errors import BackendError, ConfigurationError
 from hil.values.fri import DriveState
 from hil.values.robot import JOINT_COUNT, Seven
@@ -129,6 +129,14 @@ class InProcessBackend(ABC):
         period_ns = self._require_open("push")
         self._push(push, math.ceil(push.duration_s * 1e9 / period_ns))
 
+    def contacts(self) -> tuple[Contact, ...]:
+        """Return what touches the arm as of the last step, the strongest first; nothing, unless a backend feels it."""
+        self._require_open("ask what touches")
+        try:
+            return self._contacts()
+        except Exception as error:
+            raise self._failure("contacts", error) from error
+
     def close(self) -> None:
         """Release everything."""
         if self._period_ns is not None:
@@ -170,6 +178,10 @@ class InProcessBackend(ABC):
     def _push(self, _push_told: Push, _steps: int, /) -> None:
         """Refuse, unless a backend can be pushed."""
         raise BackendError(f"{type(self).__name__} cannot be pushed")
+
+    def _contacts(self) -> tuple[Contact, ...]:
+        """Feel nothing, unless a backend does."""
+        return ()
 
     def _close(self) -> None:
         """Nothing to release unless a backend says so."""

@@ -17,7 +17,17 @@ from contextlib import contextmanager
 from typing import ClassVar, Final
 
 from backends.rig import STILL, Rig
-from hil.values.arm import ArmState, JointCommand, OverlayCommand, PeerBackend, Push, seven
+from hil.values.arm import (
+    MAX_CONTACTS,
+    MIN_CONTACT_N,
+    ArmState,
+    Contact,
+    JointCommand,
+    OverlayCommand,
+    PeerBackend,
+    Push,
+    seven,
+)
 from hil.values.control import NO_WRENCH
 from hil.values.errors import BackendError, ConfigurationError
 from hil.values.fri import DriveState, OverlayKind
@@ -230,6 +240,22 @@ class BackendContract(ABC):
             felt_nm = abs(state.torque_nm[0] - before.torque_nm[0]) + abs(state.external_torque_nm[0])
             moved_rad = abs(state.position_rad[0] - before.position_rad[0])
             assert felt_nm > 5.0 or moved_rad > 10.0 * self.still_rad, "a push of 20 Nm was taken, and nothing felt it"
+
+    def test_what_touches_it_is_told_the_strongest_first(self) -> None:
+        with self.opened() as rig:
+            start = rig.backend.read().position_rad
+            for _ in range(5):
+                rig.cycle(JointCommand(start, STILL))
+                told = rig.backend.contacts()
+                assert isinstance(told, tuple), "what can be changed in place is no answer"
+                assert len(told) <= MAX_CONTACTS
+                for contact in told:
+                    assert isinstance(contact, Contact)
+                    assert len(contact.point_m) == len(contact.force_n) == 3
+                    assert all(map(math.isfinite, contact.point_m + contact.force_n))
+                strengths_n = [math.hypot(*contact.force_n) for contact in told]
+                assert strengths_n == sorted(strengths_n, reverse=True)
+                assert min(strengths_n, default=MIN_CONTACT_N) >= MIN_CONTACT_N * (1.0 - 1e-9)
 
     def test_drives_that_cannot_be_switched_from_here_say_so(self) -> None:
         with self.opened() as rig:

@@ -67,6 +67,7 @@ _NUMBERS: Final = {"double", "float", "uint32", "int32"}
 """What may be repeated."""
 _UNITS: Final = {
     "_nm_rad": "Nm/rad",
+    "_mm_s": "mm/s",
     "_kg_m2": "kg m2",
     "_percent": "%",
     "_deg": "deg",

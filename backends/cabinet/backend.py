@@ -14,7 +14,7 @@ from backends.cabinet.capabilities import capabilities
 from backends.cabinet.options import CabinetOptions
 from backends.cabinet.reading import Said, read_message
 from backends.cabinet.words import SHADOW, before_commanding, other_command_mode, waits_for_mirror, why_left
-from hil.values.arm import ArmState, Capabilities, JointCommand, PeerLink, Push, RobotSideCondition
+from hil.values.arm import ArmState, Capabilities, Contact, JointCommand, PeerLink, Push, RobotSideCondition
 from hil.values.control import NO_WRENCH
 from hil.values.errors import BackendError, ConfigurationError, MalformedDatagram
 from hil.values.fri import CLIENT_PORT, SEQUENCE_MODULUS, OverlayKind, SessionState
@@ -200,6 +200,10 @@ class CabinetBackend:
         """Refuse: this is no simulation."""
         self._require_open("push")
         raise BackendError(f"CabinetBackend cannot be pushed from here (link {push.link})")
+
+    def contacts(self) -> tuple[Contact, ...]:
+        """Return nothing: FRI tells forces, not where they act."""
+        return ()
 
     def condition(self) -> RobotSideCondition:
         """Return what the Cabinet says of itself."""

@@ -18,7 +18,7 @@ from backends.can402.options import Can402Options
 from backends.can402.scaling import AxisScale
 from backends.can402.state_machine import DRIVE_STATES, PowerState
 from backends.can402.wire import MOST_FRAMES_AT_ONCE, BusFailed, Frame, Wire, open_wire
-from hil.values.arm import ArmState, Capabilities, JointCommand, Push, RobotSideCondition, seven
+from hil.values.arm import ArmState, Capabilities, Contact, JointCommand, Push, RobotSideCondition, seven
 from hil.values.errors import BackendError, ConfigurationError
 from hil.values.fri import DriveState
 from hil.values.robot import JOINT_COUNT, JOINT_NAMES, Seven
@@ -147,6 +147,10 @@ class Can402Backend:
         self._wanted_on = on
         self._enabling_cycles = 0
         self._settle()
+
+    def contacts(self) -> tuple[Contact, ...]:
+        """Return nothing: drives feel torques, not where they come from."""
+        return ()
 
     def condition(self) -> RobotSideCondition:
         """Return what is known of the drives."""

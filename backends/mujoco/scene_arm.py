@@ -3,10 +3,11 @@
 from typing import Final
 
 from backends.mujoco.backend import MujocoBackend
+from backends.mujoco.contacts import Contacts
 from backends.mujoco.scene import prefix_of
 from backends.mujoco.torque_sensors import TorqueSensors
 from backends.mujoco.world import World
-from hil.values.arm import ArmState
+from hil.values.arm import ArmState, Contact
 from hil.values.backend import BackendRequest
 from hil.values.errors import ConfigurationError
 
@@ -28,6 +29,9 @@ class SceneArm(MujocoBackend):
             request.description,
             prefix=prefix_of(self.name),
             base_in_world=request.base_in_world.homogeneous()[:3, :3],
+        )
+        self._touched = Contacts(
+            world.model, world.data, prefix=prefix_of(self.name), base_in_world=request.base_in_world
         )
 
     def drive(self, share: float) -> None:
@@ -73,6 +77,9 @@ class SceneArm(MujocoBackend):
 
     def _read(self) -> ArmState:
         return super()._read()._replace(sample=self._world.cycles)
+
+    def _contacts(self) -> tuple[Contact, ...]:
+        return self._touched.now()
 
     def _step(self) -> None:
         self._world.step(self)

@@ -49,6 +49,7 @@ def _add_commands(first: str) -> None:
             shadow,
             stand_in,
             step_response,
+            view,
         )
 
         app.command("run")(run.run)
@@ -62,6 +63,7 @@ def _add_commands(first: str) -> None:
         app.command("can-drives")(can_drives.can_drives)
         app.command("conformance")(conformance.conformance)
         app.command("report")(report.report)
+        app.command("view")(view.view)
         app.add_typer(bench.app, name="bench")
         app.add_typer(capture.app, name="capture")
         app.add_typer(config.app, name="config")

@@ -2,7 +2,7 @@
 
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -12,7 +12,10 @@ from hil.config.station import Mode, Reaction, Station, load_station, parse_stat
 from hil.values.errors import ConfigurationError, UnknownName
 from hil.values.fri import CLIENT_PORT, OverlayKind, Release
 from hil.values.tcp_probe import Behaviour
-from transport.udp import ANY_HOST
+from transport.udp import ANY_HOST, parse_address
+
+if TYPE_CHECKING:
+    from hil.runtime.view_process import ViewPlace
 
 _ENDPOINTS = ("client", "bind")
 """Options that name an address: they cannot hold for several robots at once."""
@@ -90,6 +93,11 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
         Behaviour | None,
         typer.Option(help="What kind of peer it is: good (the default), or a bad one; the last is emulated."),
     ] = None,
+    view: Annotated[bool, typer.Option("--view", help="Show it in a browser too, as hil view does.")] = False,
+    view_at: Annotated[
+        str | None,
+        typer.Option(metavar="ADDR[:PORT]", help="Where that page is; 127.0.0.1:8080, or the next free port."),
+    ] = None,
     duration: Annotated[float | None, typer.Option(metavar="S", min=0.0, help="End after so many seconds.")] = None,
     status_json: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the run's figures at exit.")] = None,
     progress: Annotated[
@@ -132,10 +140,22 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
     from hil.cli.summary import print_summary
     from hil.runtime.run import RunOptions, run_station
 
-    result = run_station(chosen, RunOptions(duration_s=duration, status_json=status_json, progress_s=progress))
+    result = run_station(
+        chosen,
+        RunOptions(duration_s=duration, status_json=status_json, progress_s=progress, view=_view_place(view, view_at)),
+    )
     print_summary(result.status)
     if result.fault is not None:
         raise typer.Exit(1)
+
+
+def _view_place(view: bool, at: str | None) -> "ViewPlace | None":
+    from hil.runtime.view_process import ViewPlace
+
+    if at is not None:
+        address = parse_address(at, default_port=ViewPlace().port)
+        return ViewPlace(address.host, address.port)
+    return ViewPlace() if view else None
 
 
 def _shadow(backend: str | None, options: dict[str, Any], *, robot: str | None, seconds: float | None) -> None:

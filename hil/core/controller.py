@@ -106,7 +106,7 @@ class Controller:
         self._signals = SignalTable(settings.signals)
         kinematics = model.kinematics(description.limits)
         self._fri = self._make_fri(codec, description, model, kinematics)
-        self._servo = self._make_servo(servo_codec, description, kinematics)
+        self._servo = self._make_servo(servo_codec, description, model, kinematics)
         self._safety.end_overlay = self._end_overlay
         self._before: SetPoint = self._motion.set_point
         self._closing = False
@@ -330,7 +330,11 @@ class Controller:
         )
 
     def _make_servo(
-        self, codec: ServoControllerCodec | None, description: RobotDescription, kinematics: SrsKinematics
+        self,
+        codec: ServoControllerCodec | None,
+        description: RobotDescription,
+        model: ArmModel,
+        kinematics: SrsKinematics,
     ) -> ServoLink | None:
         settings = self._settings
         if settings.servo is None:
@@ -354,8 +358,10 @@ class Controller:
             control=self._control,
             basis=basis,
             kinematics=kinematics,
+            model=model,
             takes_torque=self._backend.capabilities.takes_torque,
             pusher=self._pusher,
+            contacts=self._backend.contacts,
             findings=self._findings,
             emit=self._events.append,
             failed=self._safety.note_stop,

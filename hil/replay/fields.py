@@ -21,6 +21,9 @@ _WORDS: Final = {
     "command torque": "commanded torque",
     "command wrench": "commanded wrench",
     "drive_states": "drive state",
+    "flange_speed_mm_s": "flange speed",
+    "point_m": "point",
+    "force_n": "force",
     "connection": "",
     "robot": "",
     "monitor": "",
@@ -33,8 +36,11 @@ _BY_JOINT: Final = {
     "drive_states": "",
 }
 """Units of what has a value for each joint."""
+_UNITS: Final = (("_ns", "ns"), ("_ms", "ms"), ("_mm_s", "mm/s"), ("_s", "s"), ("_m", "m"), ("_n", "N"))
+"""Units of fields that say theirs, longer endings first."""
 _WRENCH: Final = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 _WRENCHES: Final = frozenset({"external_force", "wrench", "flange_force"})
+_THREES: Final = frozenset({"point_m", "force_n"})
 _POSE_7: Final = ("tx", "ty", "tz", "qw", "qx", "qy", "qz")
 _MRAD: Final = 1e3
 _MOST_SHOWN: Final = 60
@@ -119,13 +125,15 @@ def _word(name: str) -> str:
 
 def _element(field: str, names: tuple[str, ...], place: int | None) -> tuple[str, str]:
     """Return what a part of a vector is called, and its unit."""
-    unit = next((unit for ending, unit in (("_ns", "ns"), ("_ms", "ms"), ("_s", "s")) if field.endswith(ending)), "")
+    unit = next((unit for ending, unit in _UNITS if field.endswith(ending)), "")
     if place is None:
         return "", unit
     if field in _BY_JOINT and place < JOINT_COUNT:
         return JOINT_NAMES[place], _BY_JOINT[field]
     if field in _WRENCHES and place < len(_WRENCH):
         return _WRENCH[place], "N" if place < 3 else "Nm"
+    if field in _THREES and place < len("xyz"):
+        return "xyz"[place], unit
     if field == "values" and "pose" in "".join(names) and place < len(_POSE_7):
         return _POSE_7[place], "mm" if place < 3 else ""
     return f"[{place}]", unit

@@ -18,6 +18,7 @@ from hil.runtime.operator_channel import OperatorChannel
 from hil.runtime.progress import progress_line
 from hil.runtime.realtime import Wish, ask_for_realtime
 from hil.runtime.robot_process import RobotProcess
+from hil.runtime.view_process import ViewPlace, ViewProcess
 from hil.values.errors import ConfigurationError
 from hil.version import SOFTWARE
 
@@ -37,6 +38,7 @@ class RunOptions:
     duration_s: float | None = None
     status_json: Path | None = None
     progress_s: float = 1.0
+    view: ViewPlace | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +66,7 @@ class _Run:
         self._pad: OperatorChannel | None = None
         self._captures: Captures | None = None
         self._probe: TcpProbe | None = None
+        self._view: ViewProcess | None = None
         self._epoch_ns = 0
         self._surroundings = station.surroundings()
 
@@ -85,6 +88,7 @@ class _Run:
             for robot in self._robots:
                 await robot.open()
             self._pad = self._open_pad()
+            self._view = self._open_view()
             self._wishes = ask_for_realtime() if self._station.realtime else []
             self._start()
             if self._captures is not None:
@@ -96,6 +100,8 @@ class _Run:
         finally:
             if self._probe is not None:
                 self._probe.close()
+            if self._view is not None:
+                self._view.close()
             if self._pad is not None:
                 self._pad.close()
             for robot in self._robots:
@@ -134,6 +140,18 @@ class _Run:
         pad = OperatorChannel(self._station.pad, robots, clock=self._clock, captures=self._captures, objects=objects)
         pad.open()
         return pad
+
+    def _open_view(self) -> ViewProcess | None:
+        place = self._options.view
+        if place is None:
+            return None
+        if self._pad is None:
+            raise ConfigurationError("--view finds the controller by its pad: it cannot be had with --pad off")
+        if all(robot.config.servo is None for robot in self._robots):
+            raise ConfigurationError(
+                "--view sees the robots through their servo links: it cannot be had with --servo off"
+            )
+        return ViewProcess(place, self._pad.path, say=self._console.say)
 
     def _open_probe(self) -> "TcpProbe | None":
         config = self._station.tcp_probe

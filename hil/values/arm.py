@@ -14,6 +14,10 @@ MAX_PUSH_NM: Final = 100.0
 DEFAULT_PUSH_S: Final = 1.0
 MAX_PUSH_S: Final = 60.0
 """What a person can do to an arm, and a little more. Ours."""
+MAX_CONTACTS: Final = 8
+"""The strongest count; a flat face on a table alone makes four."""
+MIN_CONTACT_N: Final = 0.5
+"""Weaker ones are left out: what a hand would not notice. Both ours."""
 
 
 class ArmState(NamedTuple):
@@ -169,6 +173,13 @@ class Backend(Protocol):
 
     def push(self, push: Push) -> None:
         """Push the arm from the next step on, instead of the push before. Only where ``can_be_pushed`` is true."""
+
+    def contacts(self) -> tuple[Contact, ...]:
+        """Return what touches the arm, as of the last step: at most ``MAX_CONTACTS``, the strongest first.
+
+        None weaker than ``MIN_CONTACT_N``, and none at all where a robot side feels none. It is asked for only in a
+        cycle in which somebody is told, so it may cost a little; it changes nothing.
+        """
 
     def close(self) -> None:
         """Release everything."""

@@ -12,6 +12,7 @@ Times ``..._ns`` are nanoseconds on the controller's own axis, which starts at 0
 from enum import IntEnum
 from typing import Final, NamedTuple, Protocol, TypeAlias
 
+from hil.values.arm import Contact
 from hil.values.control import POSITION_CONTROL, ControlModeSettings
 from hil.values.frames import FLANGE, Frame
 from hil.values.fri import ControlMode
@@ -336,6 +337,16 @@ class Snapshot(NamedTuple):
     commander: str
     """Who commands, for a person; empty when nobody does."""
     motions: tuple[MotionState, ...]
+    flange_speed_mm_s: float = 0.0
+    """Measured, of the flange's origin, as the limit in T1 has it. Single precision, as the contacts.
+
+    0 too where a controller, or a recording, is older than this field.
+    """
+    contacts: tuple[Contact, ...] = ()
+    """What touches the arm, at most ``MAX_CONTACTS``, the strongest first; of a simulated arm that can be touched.
+
+    The last ones are left out where a packet has no room for them.
+    """
 
 
 class State(NamedTuple):

@@ -12,7 +12,17 @@ from backends.ideal import IdealBackend
 from backends.rig import InProcessRig, Rig
 from backends.robots import load_description
 from hil.clock import VirtualClock, elapsed_ns
-from hil.values.arm import AT_WORK, ArmState, Capabilities, JointCommand, Push, RobotSideCondition, seven
+from hil.values.arm import (
+    AT_WORK,
+    MAX_CONTACTS,
+    ArmState,
+    Capabilities,
+    Contact,
+    JointCommand,
+    Push,
+    RobotSideCondition,
+    seven,
+)
 from hil.values.robot import RobotDescription
 from tools.conformance.simulated_drives import SimulatedDrivesRig
 
@@ -122,6 +132,21 @@ class SampleStands(IdealBackend):
         return super()._read()._replace(sample=1)
 
 
+class TouchesFaintly(IdealBackend):
+    def _contacts(self) -> tuple[Contact, ...]:
+        return (Contact((0.0, 0.0, 0.0), (0.0, 0.1, 0.0)),)
+
+
+class TouchesEverything(IdealBackend):
+    def _contacts(self) -> tuple[Contact, ...]:
+        return (Contact((0.0, 0.0, 0.0), (0.0, 1.0, 0.0)),) * (MAX_CONTACTS + 1)
+
+
+class TellsTheWeakestFirst(IdealBackend):
+    def _contacts(self) -> tuple[Contact, ...]:
+        return tuple(Contact((0.0, 0.0, 0.0), (0.0, force_n, 0.0)) for force_n in (1.0, 2.0))
+
+
 class NewConditions(IdealBackend):
     def condition(self) -> RobotSideCondition:
         return AT_WORK._replace()
@@ -189,6 +214,9 @@ def suite(make: Callable[[RobotDescription], IdealBackend]) -> DrivesContract:
         (MeasuresNothing, "a_measured_state_is_seven_finite_numbers_of_each"),
         (ChangesItsMind, "capabilities_are_told_once_and_for_all"),
         (SampleStands, "a_measurement_is_known_by_its_sample"),
+        (TouchesFaintly, "what_touches_it_is_told_the_strongest_first"),
+        (TouchesEverything, "what_touches_it_is_told_the_strongest_first"),
+        (TellsTheWeakestFirst, "what_touches_it_is_told_the_strongest_first"),
         (NewConditions, "the_condition_is_the_same_object_while_nothing_changed"),
         (Lags, "it_follows_a_ramp"),
         (Trembles, "it_holds_still"),

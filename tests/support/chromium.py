@@ -7,6 +7,7 @@ import select
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -27,10 +28,14 @@ os.execv(sys.argv[3], sys.argv[3:])
 
 
 class Browser:
-    """One browser, with a profile of its own in ``folder``. No name resolves in it, so nothing leaves the machine."""
+    """One browser, with a profile of its own in ``folder``. No name resolves in it, so nothing leaves the machine.
 
-    def __init__(self, folder: Path) -> None:
+    ``reaches`` are loopback addresses that it may ask. WebGL is drawn in software.
+    """
+
+    def __init__(self, folder: Path, *, reaches: Sequence[str] = ()) -> None:
         assert CHROMIUM is not None
+        rules = ", ".join(["MAP * ~NOTFOUND", *(f"EXCLUDE {host}" for host in reaches)])
         told, self._tell = os.pipe()
         self._hear, heard = os.pipe()
         self._process = subprocess.Popen(
@@ -38,7 +43,8 @@ class Browser:
                 sys.executable, "-c", _BY_PIPE, str(told), str(heard), CHROMIUM,
                 "--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--no-first-run",
                 "--disable-background-networking", "--disable-component-update", "--disable-sync",
-                "--disable-extensions", "--host-resolver-rules=MAP * ~NOTFOUND", "--remote-debugging-pipe",
+                "--disable-extensions", f"--host-resolver-rules={rules}", "--remote-debugging-pipe",
+                "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
                 f"--user-data-dir={folder / 'profile'}", "about:blank",
             ],
             pass_fds=(told, heard), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
@@ -66,15 +72,17 @@ class Browser:
         os.close(self._tell)
         os.close(self._hear)
 
-    def open(self, page: Path, *, width: int = 1280, height: int = 900) -> "Opened":
-        """Open a file in a tab of its own, and wait until it is loaded."""
+    def open(self, page: Path | str, *, width: int = 1280, height: int = 900, before: str = "") -> "Opened":
+        """Open a file or address in a tab of its own, and wait until it is loaded; the script ``before`` runs first."""
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         opened = Opened(self, session)
         for domain in ("Page", "Runtime", "Log", "Network"):
             opened.call(f"{domain}.enable")
         opened.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
-        opened.call("Page.navigate", url=page.as_uri())
+        if before:
+            opened.call("Page.addScriptToEvaluateOnNewDocument", source=before)
+        opened.call("Page.navigate", url=page if isinstance(page, str) else page.as_uri())
         while not any(opened.told("Page.loadEventFired")):
             self.events.append(self._message())
         return opened

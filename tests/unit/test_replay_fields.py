@@ -5,6 +5,7 @@ import pytest
 from hil.cli.replay import _show
 from hil.replay.fields import FieldDifference, differences
 from hil.replay.result import Moment, ReplayResult
+from hil.values.arm import Contact
 from hil.values.fri_messages import (
     CommandData,
     CommandMessage,
@@ -17,6 +18,8 @@ from hil.values.fri_messages import (
     Transformation,
 )
 from hil.values.link import Address
+from hil.values.servo import State
+from tests.unit.test_servo_codec import SNAPSHOT
 
 SEVEN = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
 MONITOR = MonitorData(SEVEN, SEVEN, SEVEN, SEVEN, SEVEN, (1.0,) * 6, (), None, None, TimeStamp(1, 2))
@@ -82,6 +85,18 @@ def test_the_pose_has_millimetres() -> None:
     pose = MESSAGE.ipo.pose._replace(values=(1.0, 2.5, 3.0, 1.0, 0.0, 0.0, 0.0))
     [found] = differences(MESSAGE, MESSAGE._replace(ipo=MESSAGE.ipo._replace(pose=pose)))
     assert str(found) == "ty interpolator pose +0.5 mm (recorded 2.0, emulator 2.5)"
+
+
+def test_speed_and_contacts_of_a_state_packet_have_their_units() -> None:
+    touched = Contact((0.5, 0.0, 1.0), (0.0, 0.0, -20.0))
+    one = State(1, 2, 3, 4, SNAPSHOT._replace(contacts=(touched,)))
+    moved = touched._replace(point_m=(0.5, 0.25, 1.0), force_n=(0.0, 0.0, -20.5))
+    other = State(1, 2, 3, 4, SNAPSHOT._replace(flange_speed_mm_s=126.0, contacts=(moved,)))
+    assert [str(found) for found in differences(one, other)] == [
+        "flange speed +0.5 mm/s (recorded 125.5, emulator 126.0)",
+        "y contacts 0 point +0.25 m (recorded 0.0, emulator 0.25)",
+        "z contacts 0 force -0.5 N (recorded -20.0, emulator -20.5)",
+    ]
 
 
 def test_a_vector_of_another_length_is_one_difference() -> None:

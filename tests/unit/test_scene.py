@@ -1,6 +1,7 @@
 """MuJoCo scenes: what is touched is felt, what is free is moved, arms share a world without waiting for each other."""
 
 from dataclasses import replace
+from math import hypot
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from backends.rig import InProcessRig, Rig
 from backends.robots import load_description
 from hil.clock import elapsed_ns
 from hil.config.station import parse_station
-from hil.values.arm import JointCommand, Push, seven
+from hil.values.arm import MIN_CONTACT_N, JointCommand, Push, seven
 from hil.values.backend import BackendRequest
 from hil.values.control import CartesianImpedanceControlMode
 from hil.values.errors import ConfigurationError
@@ -35,7 +36,15 @@ def arm_in(surroundings: Surroundings, name: str = "arm", **options: object) -> 
     if described not in surroundings.arms:
         surroundings = replace(surroundings, arms=(*surroundings.arms, described))
     made = MUJOCO.make(
-        BackendRequest(name, DESCRIPTION, MS, options=options, torque_noise=False, surroundings=surroundings)
+        BackendRequest(
+            name,
+            DESCRIPTION,
+            MS,
+            options=options,
+            torque_noise=False,
+            base_in_world=described.base_in_world,
+            surroundings=surroundings,
+        )
     )
     assert isinstance(made, SceneBackend)
     return made
@@ -84,6 +93,7 @@ def test_a_wall_is_felt_with_the_force_of_the_spring_that_presses_on_it() -> Non
     )
     assert not done.error, done
     application.run(0.05)
+    assert application.states[-1].snapshot.contacts == ()
     there = application.states[-1].snapshot.flange_in_base
     wanted = Pose.from_quaternion((there.x_m, there.y_m + 0.04, there.z_m), there.quaternion_wxyz())
     [done] = application.ask(lambda number: SetDestination(number, done.request, None, None, wanted))
@@ -95,6 +105,16 @@ def test_a_wall_is_felt_with_the_force_of_the_spring_that_presses_on_it() -> Non
     # What pushes the arm is the wall, towards minus.
     assert snapshot.flange_force[1] == pytest.approx(-stiffness_n_m * pressed_m, rel=0.1)
     assert abs(snapshot.flange_force[0]) < 0.3 * abs(snapshot.flange_force[1])
+    assert snapshot.contacts
+    assert sum(contact.force_n[1] for contact in snapshot.contacts) == pytest.approx(
+        -stiffness_n_m * pressed_m, rel=0.1
+    )
+    for contact in snapshot.contacts:
+        assert contact.point_m[1] == pytest.approx(y + 0.025, abs=1e-3)
+    # The way there was seen, and it rests.
+    speeds = [state.snapshot.flange_speed_mm_s for state in application.states]
+    assert max(speeds) > 10.0
+    assert speeds[-1] < 0.5
 
 
 def test_a_free_box_stands_on_a_table_and_is_pushed_away() -> None:
@@ -123,11 +143,18 @@ def test_an_arm_pushes_a_free_box_and_feels_it() -> None:
     backend.open(period_ns=MS)
     start = DESCRIPTION.initial_position_rad
     felt = []
+    pushed_n = []
     for count in range(1000):
         turned = seven([start[0] + 0.15e-3 * count, *start[1:]])
         backend.write(JointCommand(turned, (0.15, *STILL[1:])))
         backend.step()
         felt.append(backend.read().torque_nm[0])
+        touching = backend.contacts()
+        assert all(hypot(*contact.force_n) >= MIN_CONTACT_N for contact in touching)
+        pushed_n.append(sum(contact.force_n[1] for contact in touching))
+    assert pushed_n[:100] == [0.0] * 100
+    # It slides on: its friction is 1, so it pushes back with its weight.
+    assert sum(pushed_n[500:]) / 500 == pytest.approx(-0.4 * 9.81, rel=0.1)
     pushed = backend._data.body("box").xpos
     assert 0.03 < pushed[1] - (y + 0.08) < 0.1
     assert pushed[2] == pytest.approx(z, abs=2e-3)
@@ -195,6 +222,15 @@ def test_two_arms_in_one_world_touch_each_other_and_feel_it() -> None:
     for place in (0, 1):
         alone, pressed = (pair[place].read().torque_nm[1] for pair in (far, near))
         assert abs(pressed - alone) > 5.0
+        assert far[place].contacts() == ()
+    # Each sees its own side of the same contact, in its own base, and the bases look at each other.
+    sides = list(zip(*(arm.contacts() for arm in near), strict=True))
+    assert sides
+    for mine, yours in sides:
+        assert mine.force_n[0] < -5.0
+        assert yours.force_n == pytest.approx((mine.force_n[0], mine.force_n[1], -mine.force_n[2]), abs=1e-9)
+        x, y, z = mine.point_m
+        assert yours.point_m == pytest.approx((NEAR_M - x, -y, z), abs=1e-9)
     for one in (*far, *near):
         one.close()
 

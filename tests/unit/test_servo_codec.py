@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hil.values.arm import MAX_CONTACTS, Contact
 from hil.values.control import (
     CartesianImpedanceControlMode,
     CartesianSineImpedanceControlMode,
@@ -218,6 +219,8 @@ MOTIONS = st.builds(
     *[NUMBERS] * 4,
     TIMES,
 )
+THREES = st.tuples(*[SINGLE] * 3)
+CONTACTS = st.builds(Contact, THREES, THREES)
 OPERATORS = st.builds(
     OperatorView,
     st.sampled_from(OperationMode),
@@ -240,6 +243,8 @@ SNAPSHOTS = st.builds(
     *[SIXES] * 2,
     texts(MAX_COMMANDER_BYTES),
     st.lists(MOTIONS, max_size=MAX_MOTIONS_IN_PACKET).map(tuple),
+    SINGLE,
+    st.lists(CONTACTS, max_size=MAX_CONTACTS).map(tuple),
 )
 STATES = st.builds(
     State,
@@ -321,14 +326,16 @@ def test_what_a_client_sends_comes_back(codec: ServoCodec, packet: FromClient) -
 @pytest.mark.parametrize("codec", CODECS)
 @given(packet=FROM_CONTROLLER)
 def test_what_the_controller_sends_comes_back(codec: ServoCodec, packet: FromController) -> None:
-    """Invariant: a packet comes back whole, but for the last reports of a state that has no room for them."""
+    """Invariant: a packet comes back whole, but for the last reports and contacts of a state without room for them."""
     datagram = codec.encode_from_controller(packet)
     assert len(datagram) <= MAX_SERVO_DATAGRAM_BYTES
     decoded = codec.decode_from_controller(datagram)
     if isinstance(packet, State):
         assert isinstance(decoded, State)
         assert bool(decoded.reports) == bool(packet.reports)
-        packet = packet._replace(reports=packet.reports[: len(decoded.reports)])
+        contacts = packet.snapshot.contacts[: len(decoded.snapshot.contacts)]
+        snapshot = packet.snapshot._replace(contacts=contacts)
+        packet = packet._replace(snapshot=snapshot, reports=packet.reports[: len(decoded.reports)])
     assert_same(decoded, packet)
 
 
@@ -382,6 +389,8 @@ SNAPSHOT = Snapshot(
             executed_at_ns=-1,
         ),
     ),
+    flange_speed_mm_s=125.5,
+    contacts=(Contact((0.5, -0.25, 1.0), (0.0, 1.5, -20.0)),),
 )
 RUNNING = OperatorView(OperationMode.AUT, ProgramState.RUNNING, False, 100.0, SafetyState.NORMAL_OPERATION, "", False)
 _HEADER = "530a1d0803 110807060504030201 190200000000000000 210300000000000000"
@@ -437,13 +446,14 @@ GOLDEN: list[tuple[FromClient | FromController, str]] = [
     (
         State(0x0102030405060708, 2, 3, 4, SNAPSHOT, (RequestDone(5, 6, 7),)),
         (
-            f"{_HEADER} 3aea04 090400000000000000 12bd04"
+            f"{_HEADER} 3a8f05 090400000000000000 12e204"
             " 0940420f0000000000 110100000000000000 1802 2002 2801 310000000000004940 3802 4001"
             f" 4a38 {_SEVEN} 5238 {_SEVEN} 5a38 {_SEVEN} 6238 {_SEVEN} 82013a0a38 {_POSE}"
-            f" 880102 92011c {_SINGLE} 9a0118 {_SINGLE[:48]} a20118 {_SINGLE[8:]}"
+            f" 880102 92011c {_SINGLE} 9a0118 {_SINGLE[:48]} a20118 {_SINGLE[8:]} ad010000fb42"
             " 6a07 6772696e646572 7205 7374617274"
             f" 7a8801 090100000000000000 1002 1803 2003 2a38 {_SEVEN} 3120a1070000000000 39000000000000c03f"
             " 410200000000000000 490600000000000000 510100000000000000 590500000000000000 61ffffffffffffffff"
+            " b2011c 0a0c 0000003f 000080be 0000803f 120c 00000000 0000c03f 0000a0c1"
             " 1a1f 090500000000000000 110700000000000000 1a0b 090600000000000000 1000"
         ),
     ),
@@ -452,7 +462,10 @@ GOLDEN: list[tuple[FromClient | FromController, str]] = [
 
 @pytest.mark.parametrize(("packet", "expected"), GOLDEN, ids=lambda value: type(value).__name__)
 def test_the_bytes_on_the_wire(packet: FromClient | FromController, expected: str) -> None:
-    """Changing these changes the protocol: then PROTOCOL_VERSION must be another."""
+    """Changing these changes the protocol: then PROTOCOL_VERSION must be another.
+
+    Unless a change only adds fields, which a reader that is older skips.
+    """
     codec = CODECS[0]
     datagram = bytes.fromhex(expected)
     if isinstance(packet, Hello | Command | Goodbye):
@@ -554,7 +567,7 @@ def _largest_motion(number: int) -> MotionState:
         (RequestDone(2**64 - 1, 2**64 - 1, 2**63 - 1, RequestError.COMMAND_INVALID, LONG, LONG), (1, 1), 2),
         (MotionEnded(2**64 - 1, 2**64 - 1, 2**63 - 1, MotionEnd.FAILED, LONG, LONG), (1, 1), 2),
         (GoalReached(2**64 - 1, 2**64 - 1, 2**63 - 1, FineInterpolatorState.ENDED, SEVEN), (1, 1), 4),
-        (RequestDone(2**64 - 1, 2**64 - 1, 2**63 - 1), (4, 4), 4),
+        (RequestDone(2**64 - 1, 2**64 - 1, 2**63 - 1), (4, 3), 4),
         (FrameDescribed(2**64 - 1, 2**64 - 1, MAX_FRAMES, LONGEST_FRAME), (1, 1), 3),
         (FlangeLocated(2**64 - 1, 2**64 - 1, POSE), (1, 1), 4),
         (LoadValidated(2**64 - 1, 2**64 - 1, LONG), (1, 1), 3),
@@ -639,6 +652,48 @@ def test_a_quaternion_of_any_length_is_read_as_a_rotation(numbers: tuple[float, 
     decoded = CODECS[0].decode_from_client(packet)
     assert isinstance(decoded, Command)
     assert_same(decoded.requests, (SetDestination(0, 1, None, None, expected),))
+
+
+def test_a_reader_that_knows_neither_speed_nor_contacts_skips_them() -> None:
+    datagram = CODECS[0].encode_from_controller(State(1, 2, 3, 4, SNAPSHOT, (RequestDone(5, 6, 7),)))
+    wire = servo_pb2.Packet.FromString(datagram[1:])
+    wire.state.snapshot.ClearField("flange_speed_mm_s")
+    wire.state.snapshot.ClearField("contact")
+    older = SNAPSHOT._replace(flange_speed_mm_s=0.0, contacts=())
+    assert CODECS[0].decode_from_controller(b"\x53" + wire.SerializeToString()) == State(
+        1, 2, 3, 4, older, (RequestDone(5, 6, 7),)
+    )
+
+
+@pytest.mark.parametrize("codec", CODECS)
+def test_contacts_give_way_before_motions_and_before_the_first_report(codec: ServoCodec) -> None:
+    touched = tuple(Contact((0.0, 0.0, 0.0), (0.0, 0.0, float(10 - number))) for number in range(MAX_CONTACTS + 2))
+    motions = tuple(_largest_motion(number) for number in range(1, MAX_MOTIONS + 1))
+    shown = {}
+    for count in (0, 1, 2, 4):
+        snapshot = SNAPSHOT._replace(commander=LONG, motions=motions[:count], contacts=touched)
+        for reports in ((), (MotionEnded(1, 2, 3, MotionEnd.FAILED, LONG, LONG),)):
+            datagram = codec.encode_from_controller(State(1, 2, 3, 4, snapshot, reports))
+            assert len(datagram) <= MAX_SERVO_DATAGRAM_BYTES
+            decoded = codec.decode_from_controller(datagram)
+            assert isinstance(decoded, State)
+            assert len(decoded.reports) == len(reports)
+            untouched = State(1, 2, 3, 4, snapshot._replace(contacts=()), reports)
+            without = codec.decode_from_controller(codec.encode_from_controller(untouched))
+            assert isinstance(without, State)
+            assert repr(decoded.snapshot.motions) == repr(without.snapshot.motions)
+            assert decoded.snapshot.contacts == touched[: len(decoded.snapshot.contacts)]
+            shown[count, len(reports)] = len(decoded.snapshot.contacts)
+    assert shown[0, 0] == shown[1, 0] == shown[2, 0] == MAX_CONTACTS
+    assert shown[4, 1] < MAX_CONTACTS
+
+
+def test_a_force_that_no_single_holds_is_told_as_infinite() -> None:
+    huge = SNAPSHOT._replace(flange_speed_mm_s=1e300, contacts=(Contact((0.0, 0.0, 0.0), (0.0, 0.0, -1e300)),))
+    decoded = CODECS[0].decode_from_controller(CODECS[0].encode_from_controller(State(1, 2, 3, 4, huge)))
+    assert isinstance(decoded, State)
+    assert decoded.snapshot.flange_speed_mm_s == INFINITY
+    assert decoded.snapshot.contacts[0].force_n[2] == -INFINITY
 
 
 def test_the_snapshot_of_a_cycle_is_written_once_and_never_mistaken_for_another() -> None:
@@ -827,6 +882,7 @@ _STOP = servo_pb2.Request(number=1, stop=servo_pb2.StopMotion())
 _PARAMETERS = servo_pb2.MotionParameters()
 _DONE = servo_pb2.Report(number=1, done=servo_pb2.RequestDone())
 _MOTION = servo_pb2.MotionState(motion=1, kind=1, phase=1, interpolator=1)  # type: ignore[arg-type]
+_CONTACT = servo_pb2.Contact(point_m=[0.0] * 3, force_n=[0.0] * 3)
 _TOO_LONG = servo_pb2.Vector(value=[0.0] * (MAX_VECTOR_NUMBERS + 1))
 NO_POSES: list[tuple[tuple[float, ...], str]] = [
     ((), "a pose of 0 numbers, 7 are needed"),
@@ -954,6 +1010,12 @@ NO_PACKET_FROM_CONTROLLER: list[tuple[servo_pb2.Packet, str]] = [
     (_showing(_shown(override_percent=100.5)), "an override of 100.5 %, 0 ... 100 % are possible"),
     (_showing(_shown(operator_reason="x" * 201)), "a reason of the operator of 201 bytes, at most 200 are allowed"),
     (_showing(_shown(motion=[_MOTION] * 5)), "5 motions, at most 4 are allowed"),
+    (_showing(_shown(contact=[_CONTACT] * 9)), "9 contacts, at most 8 are allowed"),
+    (_showing(_shown(contact=[servo_pb2.Contact()])), "a point of contact with 0 numbers where 3 are needed"),
+    (
+        _showing(_shown(contact=[servo_pb2.Contact(point_m=[0.0] * 3, force_n=[0.0] * 4)])),
+        "a contact force with 4 numbers where 3 are needed",
+    ),
     (_showing(_shown(), *[_DONE] * 7), "7 reports, at most 6 are allowed"),
     (_showing(_shown(commander="x" * 97)), "a commander of 97 bytes, at most 96 are allowed"),
     (_showing(_shown(measured_torque=[0.0] * 33)), "33 numbers in a vector, at most 32 are allowed"),

@@ -519,6 +519,13 @@ local SERVO_PACKET = {
             [18] = {name = "external_torque_variance", path = "servo.state.snapshot.external_torque_variance", label = "External torque variance", kind = "float", repeated = true},
             [19] = {name = "flange_force", path = "servo.state.snapshot.flange_force", label = "Flange force", kind = "float", repeated = true},
             [20] = {name = "flange_force_variance", path = "servo.state.snapshot.flange_force_variance", label = "Flange force variance", kind = "float", repeated = true},
+            [21] = {name = "flange_speed_mm_s", path = "servo.state.snapshot.flange_speed_mm_s", label = "Flange speed [mm/s]", kind = "float"},
+            [22] = {name = "contact", path = "servo.state.snapshot.contact", label = "Contact", kind = "message", repeated = true, message = {
+              fields = {
+                [1] = {name = "point_m", path = "servo.state.snapshot.contact.point_m", label = "Point [m]", kind = "float", repeated = true},
+                [2] = {name = "force_n", path = "servo.state.snapshot.contact.force_n", label = "Force [N]", kind = "float", repeated = true},
+              },
+            }},
           },
         }},
         [3] = {name = "report", path = "servo.state.report", label = "Report", kind = "message", repeated = true, message = {

@@ -477,7 +477,7 @@ class State(_message.Message):
     def __init__(self, requests_done: _Optional[int] = ..., snapshot: _Optional[_Union[Snapshot, _Mapping]] = ..., report: _Optional[_Iterable[_Union[Report, _Mapping]]] = ...) -> None: ...
 
 class Snapshot(_message.Message):
-    __slots__ = ("now_ns", "cycle", "operation_mode", "program", "enabling", "override_percent", "safety_state", "permissive", "measured_position", "commanded_position", "measured_torque", "external_torque", "commander", "operator_reason", "motion", "flange_in_base", "control_mode", "external_torque_variance", "flange_force", "flange_force_variance")
+    __slots__ = ("now_ns", "cycle", "operation_mode", "program", "enabling", "override_percent", "safety_state", "permissive", "measured_position", "commanded_position", "measured_torque", "external_torque", "commander", "operator_reason", "motion", "flange_in_base", "control_mode", "external_torque_variance", "flange_force", "flange_force_variance", "flange_speed_mm_s", "contact")
     NOW_NS_FIELD_NUMBER: _ClassVar[int]
     CYCLE_FIELD_NUMBER: _ClassVar[int]
     OPERATION_MODE_FIELD_NUMBER: _ClassVar[int]
@@ -498,6 +498,8 @@ class Snapshot(_message.Message):
     EXTERNAL_TORQUE_VARIANCE_FIELD_NUMBER: _ClassVar[int]
     FLANGE_FORCE_FIELD_NUMBER: _ClassVar[int]
     FLANGE_FORCE_VARIANCE_FIELD_NUMBER: _ClassVar[int]
+    FLANGE_SPEED_MM_S_FIELD_NUMBER: _ClassVar[int]
+    CONTACT_FIELD_NUMBER: _ClassVar[int]
     now_ns: int
     cycle: int
     operation_mode: OperationMode
@@ -518,7 +520,17 @@ class Snapshot(_message.Message):
     external_torque_variance: _containers.RepeatedScalarFieldContainer[float]
     flange_force: _containers.RepeatedScalarFieldContainer[float]
     flange_force_variance: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, now_ns: _Optional[int] = ..., cycle: _Optional[int] = ..., operation_mode: _Optional[_Union[OperationMode, str]] = ..., program: _Optional[_Union[ProgramState, str]] = ..., enabling: _Optional[bool] = ..., override_percent: _Optional[float] = ..., safety_state: _Optional[_Union[SafetyState, str]] = ..., permissive: _Optional[bool] = ..., measured_position: _Optional[_Iterable[float]] = ..., commanded_position: _Optional[_Iterable[float]] = ..., measured_torque: _Optional[_Iterable[float]] = ..., external_torque: _Optional[_Iterable[float]] = ..., commander: _Optional[str] = ..., operator_reason: _Optional[str] = ..., motion: _Optional[_Iterable[_Union[MotionState, _Mapping]]] = ..., flange_in_base: _Optional[_Union[Pose, _Mapping]] = ..., control_mode: _Optional[_Union[ArmControlMode, str]] = ..., external_torque_variance: _Optional[_Iterable[float]] = ..., flange_force: _Optional[_Iterable[float]] = ..., flange_force_variance: _Optional[_Iterable[float]] = ...) -> None: ...
+    flange_speed_mm_s: float
+    contact: _containers.RepeatedCompositeFieldContainer[Contact]
+    def __init__(self, now_ns: _Optional[int] = ..., cycle: _Optional[int] = ..., operation_mode: _Optional[_Union[OperationMode, str]] = ..., program: _Optional[_Union[ProgramState, str]] = ..., enabling: _Optional[bool] = ..., override_percent: _Optional[float] = ..., safety_state: _Optional[_Union[SafetyState, str]] = ..., permissive: _Optional[bool] = ..., measured_position: _Optional[_Iterable[float]] = ..., commanded_position: _Optional[_Iterable[float]] = ..., measured_torque: _Optional[_Iterable[float]] = ..., external_torque: _Optional[_Iterable[float]] = ..., commander: _Optional[str] = ..., operator_reason: _Optional[str] = ..., motion: _Optional[_Iterable[_Union[MotionState, _Mapping]]] = ..., flange_in_base: _Optional[_Union[Pose, _Mapping]] = ..., control_mode: _Optional[_Union[ArmControlMode, str]] = ..., external_torque_variance: _Optional[_Iterable[float]] = ..., flange_force: _Optional[_Iterable[float]] = ..., flange_force_variance: _Optional[_Iterable[float]] = ..., flange_speed_mm_s: _Optional[float] = ..., contact: _Optional[_Iterable[_Union[Contact, _Mapping]]] = ...) -> None: ...
+
+class Contact(_message.Message):
+    __slots__ = ("point_m", "force_n")
+    POINT_M_FIELD_NUMBER: _ClassVar[int]
+    FORCE_N_FIELD_NUMBER: _ClassVar[int]
+    point_m: _containers.RepeatedScalarFieldContainer[float]
+    force_n: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, point_m: _Optional[_Iterable[float]] = ..., force_n: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class MotionState(_message.Message):
     __slots__ = ("motion", "kind", "phase", "interpolator", "destination", "destination_at_ns", "remaining_s", "goals_reached", "received", "superseded", "executed", "executed_at_ns")

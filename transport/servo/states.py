@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from hil.values.arm import MAX_CONTACTS, Contact
 from hil.values.errors import ConfigurationError
 from hil.values.frames import MAX_FRAME_NAME_BYTES, MAX_FRAMES, Frame
 from hil.values.load import Load
@@ -39,6 +40,7 @@ from transport.servo.fields import (
     SAFETY_STATES,
     fitting,
     pose_numbers,
+    read_counted,
     read_finite,
     read_member,
     read_pose,
@@ -53,6 +55,7 @@ from transport.servo.layout import TAG_AND_LENGTH_BYTES, field
 
 _SNAPSHOT: Final = b"\x12"
 _MOTION: Final = b"\x7a"
+_CONTACT: Final = b"\xb2\x01"
 _REPORT: Final = b"\x1a"
 
 
@@ -74,6 +77,7 @@ def read_state(wire: servo_pb2.Packet) -> State:
 
 def _read_snapshot(wire: servo_pb2.Snapshot) -> Snapshot:
     refuse_many(len(wire.motion), MAX_MOTIONS_IN_PACKET, "motions")
+    refuse_many(len(wire.contact), MAX_CONTACTS, "contacts")
     return Snapshot(
         wire.now_ns,
         wire.cycle,
@@ -89,6 +93,8 @@ def _read_snapshot(wire: servo_pb2.Snapshot) -> Snapshot:
         read_vector(wire.flange_force_variance),
         read_text(wire.commander, MAX_COMMANDER_BYTES, "commander"),
         tuple([_read_motion(motion) for motion in wire.motion]),
+        wire.flange_speed_mm_s,
+        tuple([_read_contact(contact) for contact in wire.contact]),
     )
 
 
@@ -121,6 +127,12 @@ def _read_motion(wire: servo_pb2.MotionState) -> MotionState:
         wire.executed,
         wire.executed_at_ns,
     )
+
+
+def _read_contact(wire: servo_pb2.Contact) -> Contact:
+    x, y, z = read_counted(wire.point_m, 3, "a point of contact")
+    fx, fy, fz = read_counted(wire.force_n, 3, "a contact force")
+    return Contact((x, y, z), (fx, fy, fz))
 
 
 def _read_report(wire: servo_pb2.Report) -> Report:
@@ -201,21 +213,25 @@ class StateWriter:
         if packet.reports:
             pieces = [_write_report(report) for report in packet.reports[:MAX_REPORTS_IN_PACKET]]
             if len(snapshot) + len(pieces[0]) > room_bytes:
-                # The longest texts at once: the motions that wait last give way, a report never does.
+                # The longest texts at once: contacts and the motions that wait last give way, a report never does.
                 snapshot = _write_snapshot(packet.snapshot, most_bytes=room_bytes - len(pieces[0]))
             reports = fitting(pieces, room_bytes - len(snapshot))
         return usual.write_state(packet, snapshot, reports)
 
 
 def _write_snapshot(snapshot: Snapshot, *, most_bytes: int) -> bytes:
-    """Return the field of a snapshot of at most ``most_bytes``, with its first motions."""
+    """Return the field of a snapshot of at most ``most_bytes``, with its first motions, then its first contacts."""
     told = _write_snapshot_head(snapshot)
     if snapshot.commander:
         told += field(usual.COMMANDER, wire_text(snapshot.commander, MAX_COMMANDER_BYTES).encode())
     if snapshot.operator.reason:
         told += field(usual.OPERATOR_REASON, wire_text(snapshot.operator.reason, MAX_REASON_BYTES).encode())
     room_bytes = most_bytes - TAG_AND_LENGTH_BYTES - len(told)
-    return field(_SNAPSHOT, told + fitting(map(_write_motion, snapshot.motions[:MAX_MOTIONS_IN_PACKET]), room_bytes))
+    motions = fitting(map(_write_motion, snapshot.motions[:MAX_MOTIONS_IN_PACKET]), room_bytes)
+    if not snapshot.contacts:
+        return field(_SNAPSHOT, told + motions)
+    contacts = fitting(map(_write_contact, snapshot.contacts[:MAX_CONTACTS]), room_bytes - len(motions))
+    return field(_SNAPSHOT, told + motions + contacts)
 
 
 def _write_snapshot_head(snapshot: Snapshot) -> bytes:
@@ -241,6 +257,7 @@ def _write_snapshot_head(snapshot: Snapshot) -> bytes:
         external_torque_variance=snapshot.external_torque_variance,
         flange_force=snapshot.flange_force,
         flange_force_variance=snapshot.flange_force_variance,
+        flange_speed_mm_s=snapshot.flange_speed_mm_s,
     )
     return wire.SerializeToString()
 
@@ -264,6 +281,14 @@ def _write_motion(motion: MotionState) -> bytes:
         executed_at_ns=motion.executed_at_ns,
     )
     return field(_MOTION, wire.SerializeToString())
+
+
+def _write_contact(contact: Contact) -> bytes:
+    usual_bytes = usual.write_contact(contact)
+    if usual_bytes is not None:
+        return usual_bytes
+    wire = servo_pb2.Contact(point_m=contact.point_m, force_n=contact.force_n)
+    return field(_CONTACT, wire.SerializeToString())
 
 
 def _write_report(report: Report) -> bytes:

@@ -7,6 +7,7 @@ read in 1.4 us instead of 4.4, a state with a motion in 6 instead of 11.
 
 from typing import Any, Final
 
+from hil.values.arm import MAX_CONTACTS, Contact
 from hil.values.errors import MalformedDatagram
 from hil.values.operator import OperatorView
 from hil.values.pose import Pose
@@ -74,9 +75,10 @@ _SNAPSHOT_PARTS: Final = (
     b"\x18", "B", b"\x20", "B", b"\x28", "B", b"\x31", "d", b"\x38", "B", b"\x40", "B",
     b"\x4a\x38", "7d", b"\x52\x38", "7d", b"\x5a\x38", "7d", b"\x62\x38", "7d", b"\x82\x01\x3a\x0a\x38", "7d",
     b"\x88\x01", "B", b"\x92\x01\x1c", "7f", b"\x9a\x01\x18", "6f", b"\xa2\x01\x18", "6f",
+    b"\xad\x01", "f",
 )  # fmt: skip
 _SNAPSHOT: Final = Layout(*_SNAPSHOT_PARTS)
-"""A snapshot up to the commander: time, cycle, what the operator's pad shows, the vectors, the flange."""
+"""A snapshot up to the commander: time, cycle, what the operator's pad shows, the vectors, the flange and its speed."""
 _STATE_HEAD: Final = Layout(*_HEADER_PARTS, b"\x3a", "2B", b"\x09", "Q")
 """A state up to the snapshot: header, length, requests done."""
 STATE_HEAD_BYTES: Final = _STATE_HEAD.size
@@ -90,6 +92,8 @@ _MOTION: Final = Layout(
     b"\x41", "Q", b"\x49", "Q", b"\x51", "Q", b"\x59", "Q", b"\x61", "q",
 )  # fmt: skip
 """Snapshot.motion, field by field."""
+_CONTACT: Final = Layout(b"\xb2\x01\x1c\x0a\x0c", "3f", b"\x12\x0c", "3f")
+"""Snapshot.contact: point and force."""
 _REQUEST_TAKEN: Final = Layout(b"\x1a\x1f\x09", "Q", b"\x11", "q", b"\x1a\x0b\x09", "Q", b"\x10\x00")
 """State.report of a request that was taken: number, time, request."""
 
@@ -172,8 +176,10 @@ def read_state(packet: bytes) -> State | None:
     flange_in_base, control_mode = _pose(numbers[44:51]), CONTROL_MODES.get(numbers[51])
     if commander is None or operator is None or flange_in_base is None or control_mode is None or end > len(packet):
         return None
-    motions, reports = _read_motions(packet, at, end), _read_reports(packet, end)
-    if motions is None or reports is None:
+    motions, at = _read_motions(packet, at, end)
+    contacts = () if at == end else _read_contacts(packet, at, end)
+    reports = _read_reports(packet, end)
+    if motions is None or contacts is None or reports is None:
         return None
     snapshot = Snapshot(
         numbers[8],
@@ -187,9 +193,11 @@ def read_state(packet: bytes) -> State | None:
         control_mode,
         numbers[52:59],
         numbers[59:65],
-        numbers[65:],
+        numbers[65:71],
         commander,
         motions,
+        numbers[71],
+        contacts,
     )
     return State(numbers[0], numbers[1], numbers[2], numbers[5], snapshot, reports)
 
@@ -227,6 +235,7 @@ def write_snapshot(snapshot: Snapshot) -> bytes | None:
             b"\x82\x01\x3a\x0a\x38", *pose_numbers(snapshot.flange_in_base),
             b"\x88\x01", snapshot.control_mode, b"\x92\x01\x1c", *variance,
             b"\x9a\x01\x18", *force, b"\xa2\x01\x18", *force_variance,
+            b"\xad\x01", snapshot.flange_speed_mm_s,
         )  # fmt: skip
     except OverflowError:
         # No single: protobuf makes it infinite.
@@ -246,6 +255,15 @@ def write_motion(motion: MotionState) -> bytes | None:
         b"\x31", destination_at_ns, b"\x39", remaining_s, b"\x41", goals_reached, b"\x49", received,
         b"\x51", superseded, b"\x59", executed, b"\x61", executed_at_ns,
     )  # fmt: skip
+
+
+def write_contact(contact: Contact) -> bytes | None:
+    """Return a contact of a snapshot."""
+    try:
+        return _CONTACT.pack(b"\xb2\x01\x1c\x0a\x0c", *contact.point_m, b"\x12\x0c", *contact.force_n)
+    except OverflowError:
+        # No single: protobuf makes it infinite.
+        return None
 
 
 def write_request_taken(done: RequestDone) -> bytes | None:
@@ -307,18 +325,30 @@ def _operator(numbers: tuple[Any, ...], reason: str | None) -> OperatorView | No
         return None
 
 
-def _read_motions(packet: bytes, at: int, end: int) -> tuple[MotionState, ...] | None:
+def _read_motions(packet: bytes, at: int, end: int) -> tuple[tuple[MotionState, ...] | None, int]:
+    """Return the motions, None where they are none, and where the next field begins."""
     motions: list[MotionState] = []
     while at < end:
         numbers = _MOTION.unpack(packet, at)
         if numbers is None:
-            return None
+            break
         at += _MOTION.size
         kind, phase, interpolator = KINDS.get(numbers[1]), PHASES.get(numbers[2]), INTERPOLATORS.get(numbers[3])
         if kind is None or phase is None or interpolator is None:
-            return None
+            return None, at
         motions.append(MotionState(numbers[0], kind, phase, interpolator, numbers[4:11], *numbers[11:]))
-    return tuple(motions) if at == end and len(motions) <= MAX_MOTIONS_IN_PACKET else None
+    return (tuple(motions) if len(motions) <= MAX_MOTIONS_IN_PACKET else None), at
+
+
+def _read_contacts(packet: bytes, at: int, end: int) -> tuple[Contact, ...] | None:
+    contacts: list[Contact] = []
+    while at < end:
+        numbers = _CONTACT.unpack(packet, at)
+        if numbers is None:
+            return None
+        at += _CONTACT.size
+        contacts.append(Contact(numbers[:3], numbers[3:]))
+    return tuple(contacts) if at == end and len(contacts) <= MAX_CONTACTS else None
 
 
 def _read_reports(packet: bytes, at: int) -> tuple[RequestDone, ...] | None:

@@ -14,6 +14,7 @@ from hil.core.diagnosis.findings import FindingLog
 from hil.core.diagnosis.seconds_hand_finding import seconds_hand
 from hil.core.events import ApplicationJoined, ApplicationLeft, Event, MotionBegan, MotionOver
 from hil.core.kinematics.srs import SrsKinematics
+from hil.core.model import ArmModel
 from hil.core.motion.application_motion import ApplicationMotion, MotionBasis
 from hil.core.motion.executive import MotionExecutive
 from hil.core.motion.queue import EndedMotion, Entry
@@ -28,7 +29,7 @@ from hil.core.servo.sessions import MAX_WAITING_REQUESTS, Session, SessionTable,
 from hil.core.servo.set_points import SetPointBook
 from hil.core.servo.snapshot import snapshot
 from hil.core.settings import ControllerSettings, ServoSettings
-from hil.values.arm import ArmState, Push
+from hil.values.arm import ArmState, Contact, Push
 from hil.values.errors import MalformedDatagram
 from hil.values.link import Address, Outgoing
 from hil.values.motion import Fault
@@ -61,7 +62,10 @@ _OBSERVERS_REQUEST = Fault("an observer may watch, not command; connect as comma
 
 
 class ServoLink:
-    """All applications of one robot. ``emit`` takes events; ``failed`` is told that the arm brakes, and why."""
+    """All applications of one robot. ``emit`` takes events; ``failed`` is told that the arm brakes, and why.
+
+    ``contacts`` is asked what touches the arm, in cycles in which a state leaves.
+    """
 
     def __init__(
         self,
@@ -73,8 +77,10 @@ class ServoLink:
         control: ControlStage,
         basis: MotionBasis,
         kinematics: SrsKinematics,
+        model: ArmModel,
         takes_torque: bool,
         pusher: Pusher,
+        contacts: Callable[[], tuple[Contact, ...]],
         findings: FindingLog,
         emit: Callable[[Event], None],
         failed: Callable[[Fault, int], None],
@@ -94,6 +100,8 @@ class ServoLink:
             barred=lambda: self._closed_because,
         )
         self._kinematics = kinematics
+        self._model = model
+        self._contacts = contacts
         self._control = control
         self._choice = ControlChoice(
             frames=settings.frames,
@@ -184,6 +192,8 @@ class ServoLink:
                     executive=self._executive,
                     operator=operator,
                     flange_in_base=self._kinematics.forward(arm.position_rad),
+                    flange_speed_mm_s=self._model.flange_speed_mm_s(arm.position_rad, arm.velocity_rad_s),
+                    contacts=self._contacts(),
                     commander=self.commander,
                     cycle=cycle,
                     now_ns=now_ns,

@@ -3,7 +3,7 @@
 from hil.core.control.stage import ControlStage
 from hil.core.motion.executive import MotionExecutive
 from hil.core.motion.queue import Entry
-from hil.values.arm import ArmState
+from hil.values.arm import ArmState, Contact
 from hil.values.motion import MotionPhase
 from hil.values.operator import OperatorView
 from hil.values.pose import Pose
@@ -17,6 +17,8 @@ def snapshot(
     executive: MotionExecutive,
     operator: OperatorView,
     flange_in_base: Pose,
+    flange_speed_mm_s: float,
+    contacts: tuple[Contact, ...],
     commander: str,
     cycle: int,
     now_ns: int,
@@ -43,6 +45,8 @@ def snapshot(
                 for entry, phase in executive.applications.phases(may_begin=not executive.paused)
             ]
         ),
+        flange_speed_mm_s,
+        contacts,
     )
 
 

@@ -1,0 +1,314 @@
+"""The pad in the page of one browser: what it shows, and, for whoever has the operator's token, what it does."""
+
+import threading
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+import viser
+
+from backends.robots import load_description
+from hil.client.pad import PadClient, RobotState
+from hil.values.frames import FLANGE
+from hil.values.robot import JOINT_NAMES
+from tools.view.browser import cards
+from tools.view.browser.renderer import BrowserRenderer
+from tools.view.jog import Jogger, JogKey, Space
+from tools.view.operator import HOLD_HZ, Operator
+from tools.view.watch import Watch
+
+_MODES: Final = ("T1", "T2", "AUT")
+_DIRECTIONS: Final = ("X", "Y", "Z", "A", "B", "C")
+_PLOT_EVERY: Final = 10
+"""Updates of the panel to one of the plot."""
+_WIDTH_PX: Final = 400
+_RED: Final = "red"
+
+
+def tell(client: "viser.ClientHandle", text: str) -> None:
+    """Tell one browser why something was not done."""
+    client.add_notification("fri-hil", text, auto_close_seconds=8.0, color=_RED)
+
+
+class Panel:
+    """Of one client; ``operator`` is None where it only looks. Updates come from one thread, events from others."""
+
+    def __init__(
+        self,
+        client: "viser.ClientHandle",
+        watch: Watch,
+        renderer: BrowserRenderer,
+        *,
+        operator: Operator | None,
+        give_token: Callable[[str], None],
+    ) -> None:
+        self._client = client
+        self._gui = client.gui
+        self._watch = watch
+        self._renderer = renderer
+        self._operator = operator
+        self._give_token = give_token
+        self._robot = watch.robots[0].name
+        self._joggers: dict[str, Jogger] = {}
+        self._lock = threading.RLock()
+        self._updates = 0
+        self._cards: dict[str, Any] = {}
+        self._said: dict[str, str] = {}
+        self._override: Any = None
+        self._plot: Any = None
+        self._build()
+
+    def close(self) -> None:
+        """Let go of what is held; the browser is gone."""
+        for jogger in self._joggers.values():
+            jogger.release()
+        if self._operator is not None:
+            self._operator.close()
+        for jogger in self._joggers.values():
+            jogger.close()
+
+    def update(self) -> None:
+        """Show what is now."""
+        with self._lock:
+            self._updates += 1
+            now = self._watch.now().get(self._robot)
+            pad = self._watch.pad().get(self._robot)
+            if now is None:
+                return
+            self._tell("status", cards.status_card(self._robot, now, pad))
+            snapshot = now.snapshot
+            if snapshot is not None:
+                self._tell("speed", cards.speed_card(snapshot, pad))
+                self._tell("axes", cards.axes_card(snapshot, self._limits))
+                self._tell("pose", cards.pose_card("flange in the robot base", snapshot.flange_in_base))
+            self._tell("messages", cards.messages_card(self._watch.messages()))
+            self._tell("signals", cards.signals_card(pad))
+            if self._updates % _PLOT_EVERY == 1:
+                self._draw_latency()
+
+    def _tell(self, name: str, content: str) -> None:
+        if self._said.get(name) != content:
+            self._said[name] = content
+            self._cards[name].content = content
+
+    def _build(self) -> None:
+        """Make all elements anew, for the robot that is chosen."""
+        with self._lock:
+            gui = self._gui
+            gui.reset()
+            self._cards.clear()
+            self._said.clear()
+            self._drawn = next(one for one in self._watch.robots if one.name == self._robot)
+            self._limits = load_description(self._drawn.model).limits
+            names = [robot.name for robot in self._watch.robots]
+            if len(names) > 1:
+                choice = gui.add_dropdown("robot", names, initial_value=self._robot)
+                choice.on_update(lambda _event: self._choose_robot(choice.value))
+            self._card("status")
+            if self._operator is not None:
+                self._build_keys(self._operator)
+            else:
+                self._build_token()
+            self._card("speed")
+            tabs = gui.add_tab_group()
+            with tabs.add_tab("Axes"):
+                self._card("axes")
+                self._card("pose")
+            if self._operator is not None:
+                with tabs.add_tab("Jog"):
+                    self._build_jog(self._operator)
+            with tabs.add_tab("I/O"):
+                self._card("signals")
+                if self._operator is not None:
+                    self._build_inputs(self._operator)
+            with tabs.add_tab("Messages"):
+                self._card("messages")
+            with tabs.add_tab("Latency"):
+                self._build_latency()
+            with tabs.add_tab("View"):
+                self._build_view()
+            gui.main_panel.dock_right()
+            gui.main_panel.set_width(_WIDTH_PX)
+
+    def _card(self, name: str) -> None:
+        self._cards[name] = self._gui.add_html("")
+
+    def _choose_robot(self, name: str) -> None:
+        self._let_go()
+        self._robot = name
+        self._build()
+
+    def _build_token(self) -> None:
+        if self._watch.sources.pad is None:
+            self._gui.add_markdown("*Only to look at: the controller's pad is not on this machine.*")
+            return
+        field = self._gui.add_text("operator's token", "", hint="hil view printed it; without it the page only shows")
+        field.on_update(lambda _event: self._give_token(field.value))
+
+    def _build_keys(self, operator: Operator) -> None:
+        gui = self._gui
+        stop = gui.add_button("EMERGENCY STOP", color=_RED, icon=viser.Icon.HAND_STOP)
+        stop.on_click(lambda _event: operator.stop_everything())
+        enabling = gui.add_button("Enabling switch: hold", color="gray", hint="for as long as the button is pressed")
+        enabling.on_hold(lambda _event: self._hold(operator), callback_hz=HOLD_HZ)
+        enabling.on_click(lambda _event: operator.release(self._robot))
+        run = gui.add_button("Enabling switch and start: hold", color="green", icon=viser.Icon.PLAYER_PLAY)
+        run.on_hold(lambda _event: self._run_while_held(operator), callback_hz=HOLD_HZ)
+        run.on_click(lambda _event: operator.release(self._robot))
+        self._buttons(
+            ("Start", "Pause", "Reset"),
+            {"Start": PadClient.start, "Pause": PadClient.pause, "Reset": PadClient.reset},
+        )
+        modes = gui.add_button_group("mode", _MODES)
+        modes.on_click(lambda _event: self._press(lambda pad: pad.select_mode(modes.value)))
+        override = gui.add_slider("override %", min=0, max=100, step=1, initial_value=self._override_percent())
+        override.on_update(lambda _event: self._press(lambda pad: pad.set_override(override.value)))
+
+    def _override_percent(self) -> int:
+        pad = self._watch.pad().get(self._robot)
+        return 100 if pad is None else round(pad["override_percent"])
+
+    def _buttons(self, names: Sequence[str], keys: dict[str, Callable[[PadClient], object]]) -> None:
+        group = self._gui.add_button_group("program", names)
+        group.on_click(lambda _event: self._press(keys[group.value]))
+
+    def _press(self, key: Callable[[PadClient], object]) -> None:
+        if self._operator is not None:
+            self._operator.press(self._robot, key)
+
+    def _hold(self, operator: Operator) -> None:
+        operator.hold(self._robot)
+
+    def _run_while_held(self, operator: Operator) -> None:
+        held_before = operator.holds(self._robot)
+        if operator.hold(self._robot) and not held_before:
+            operator.press(self._robot, PadClient.start)
+
+    def _build_jog(self, operator: Operator) -> None:
+        gui = self._gui
+        space = gui.add_dropdown("what", [one.value for one in Space], initial_value=Space.AXIS.value)
+        moving = [frame.name for frame in self._drawn.frames.values() if frame.moves]
+        frame = gui.add_dropdown("frame", moving, initial_value=FLANGE)
+        axis = gui.add_button_group("axis", JOINT_NAMES)
+        direction = gui.add_button_group("direction", _DIRECTIONS)
+        speed = gui.add_slider("speed %", min=1, max=100, step=1, initial_value=30)
+        gui.add_html(cards.note("A jog key holds the enabling switch too, and presses start. It works in T1 and T2."))
+        number = {"axis": 0, "direction": 0}
+
+        def name() -> str:
+            names = JOINT_NAMES if space.value == Space.AXIS else _DIRECTIONS
+            return names[number["axis" if space.value == Space.AXIS else "direction"]]
+
+        def tell() -> None:
+            cartesian = space.value != Space.AXIS
+            axis.visible, direction.visible, frame.visible = not cartesian, cartesian, cartesian
+            more.label, less.label = f"{name()} +: hold", f"{name()} −: hold"
+
+        def key(sign: int) -> JogKey:
+            which = number["axis" if space.value == Space.AXIS else "direction"]
+            return JogKey(Space(space.value), which, sign, speed.value / 100.0, frame.value)
+
+        def held(sign: int, _event: object) -> None:
+            self._jog(operator, key(sign))
+
+        more = gui.add_button("+", color="blue", icon=viser.Icon.PLUS)
+        less = gui.add_button("-", color="blue", icon=viser.Icon.MINUS)
+        for button, sign in ((more, 1), (less, -1)):
+            button.on_hold(partial(held, sign), callback_hz=HOLD_HZ)
+            button.on_click(lambda _event: self._let_go())
+
+        def choose(of: str, names: Sequence[str], value: str) -> None:
+            number[of] = list(names).index(value)
+            tell()
+
+        axis.on_click(lambda _event: choose("axis", JOINT_NAMES, axis.value))
+        direction.on_click(lambda _event: choose("direction", _DIRECTIONS, direction.value))
+        space.on_update(lambda _event: tell())
+        tell()
+
+    def _jog(self, operator: Operator, key: JogKey) -> None:
+        robot = self._robot
+        if not operator.hold(robot):
+            return
+        with self._lock:
+            if robot not in self._joggers:
+                self._joggers[robot] = Jogger(
+                    self._watch.source(robot),
+                    self._drawn.model,
+                    press_start=lambda: operator.press(robot, PadClient.start),
+                    say=lambda text: tell(self._client, text),
+                )
+            jogger = self._joggers[robot]
+        jogger.hold(key)
+
+    def _let_go(self) -> None:
+        if self._operator is None:
+            return
+        for jogger in self._joggers.values():
+            jogger.release()
+        self._operator.release(self._robot)
+
+    def _build_inputs(self, operator: Operator) -> None:
+        pad: RobotState | None = self._watch.pad().get(self._robot)
+        for name, info in ({} if pad is None else pad["io"]).items():
+            if info["direction"] != "input":
+                continue
+            value = info["value"]
+            field: Any
+            if isinstance(value, bool):
+                field = self._gui.add_checkbox(name, value)
+            elif isinstance(value, int):
+                field = self._gui.add_number(name, value, step=1)
+            else:
+                field = self._gui.add_number(name, value, step=0.01)
+            field.on_update(self._setter(operator, name, field))
+
+    def _setter(self, operator: Operator, name: str, field: Any) -> Callable[[object], object]:
+        return lambda _event: operator.press(self._robot, lambda pad: pad.set_input(name, field.value))
+
+    def _build_latency(self) -> None:
+        self._plot = self._gui.add_uplot(
+            (np.zeros(1), np.zeros(1), np.zeros(1)),
+            (
+                {"label": "s"},
+                {"label": "FRI answer ms", "stroke": "#1971c2", "width": 1.5},
+                {"label": "cycle late ms", "stroke": "#e8590c", "width": 1.5},
+            ),
+            title="latency",
+            scales={"x": {"time": False}},
+            height=220,
+        )
+        self._gui.add_markdown(
+            "Once in 0.2 s: how long the FRI client's last answer took, and how late the last control cycle began."
+        )
+
+    def _draw_latency(self) -> None:
+        times = self._watch.latencies(self._robot)
+        if times and self._plot is not None:
+            columns = (
+                [one.at_s for one in times],
+                [np.nan if one.answer_ms is None else one.answer_ms for one in times],
+                [one.cycle_ms for one in times],
+            )
+            self._plot.data = tuple(np.array(column, np.float64) for column in columns)
+
+    def _build_view(self) -> None:
+        gui, shown = self._gui, self._renderer.shown
+        for name, label in (
+            ("set_point", "ghost of the set point"),
+            ("trail", "trail of the flange"),
+            ("frames", "frames of the station"),
+            ("forces", "external and contact forces"),
+        ):
+            box = gui.add_checkbox(label, getattr(shown, name))
+            box.on_update(self._chooser(name, box))
+        clear = gui.add_button("Clear the trail")
+        clear.on_click(lambda _event: self._renderer.clear_trails())
+
+    def _chooser(self, name: str, box: Any) -> Callable[[object], None]:
+        def choose(_event: object) -> None:
+            setattr(self._renderer.shown, name, box.value)
+            self._renderer.choose()
+
+        return choose
