@@ -103,7 +103,7 @@ class Link:
                 f"nobody answers at {self.address} within {answer_s:g} s: is CoppeliaSim running there, with its "
                 f"ZMQ remote API server (menu Modules, Connectivity)?"
             ) from None
-        except Exception as error:  # noqa: BLE001  # the package raises no narrower one
+        except Exception as error:  # the package raises no narrower one
             if type(error) is Exception:  # what the package raises for an error that was answered
                 raise CallRefused(f"CoppeliaSim at {self.address} refuses {name}: {_words(error)}") from None
             self.close()

@@ -50,7 +50,7 @@ class CoppeliaSim:
     def __init__(
         self, address: str = DEFAULT_ADDRESS, *, folder: Path | None = None, answer_s: float = ANSWER_S
     ) -> None:
-        """``address`` is ``HOST[:PORT]``; a scene is a file, by a path from ``folder``.
+        """``address`` is ``HOST[:PORT]``; a scene is a file, by a path from ``folder``, or a path on another machine.
 
         Raises :class:`ConfigurationError` for no address, and without the package.
         """
@@ -66,18 +66,15 @@ class CoppeliaSim:
 
     def load_scene(self, scene: str, robots: Sequence[DrawnRobot]) -> None:
         """Load a scene file (``.ttt``); the scene that is loaded there is given up, also what was not saved of it."""
-        path = (self._folder / scene).resolve()
-        host = self.link.address.rpartition(":")[0]
-        if is_local(host) and not path.is_file():
-            raise ConfigurationError(f"there is no scene file {path}")
+        path = self._path(scene)
         self.link.connect()
         if int(self.link.call("getSimulationState")) != self.link.constant("simulation_stopped"):
             raise EndpointError(
                 f"a simulation runs in CoppeliaSim at {self.link.address}; stop it, then load the scene"
             )
         self._shown, self._places, self._arms = {}, {}, {}
-        self.link.call("loadScene", str(path), answer_s=LOAD_S)
-        self._arms = self._find_arms(path.name)
+        self.link.call("loadScene", path, answer_s=LOAD_S)
+        self._arms = self._find_arms(scene)
         self._scene, self._robots = scene, tuple(robots)
 
     def reconfigure(self, robots: Sequence[DrawnRobot]) -> None:
@@ -93,7 +90,7 @@ class CoppeliaSim:
         if again and known.isdisjoint(arm.device for arm in find_arms(self.link).arms):
             self.load_scene(self._scene, robots)
             return
-        self._arms = self._find_arms(Path(self._scene).name)
+        self._arms = self._find_arms(self._scene)
         self._robots = tuple(robots)
 
     def devices(self) -> tuple[str, ...]:
@@ -158,6 +155,22 @@ class CoppeliaSim:
         with suppress(EndpointError):
             self.stop()
         self.link.close()
+
+    def kept_name(self, scene: Path) -> str:
+        """Return what a scene file is called in the choices: by its path from ``folder`` where it is below that."""
+        if not is_local(self.link.address.rpartition(":")[0]):
+            return str(scene)
+        whole, folder = scene.resolve(), self._folder.resolve()
+        return str(whole.relative_to(folder)) if whole.is_relative_to(folder) else str(whole)
+
+    def _path(self, scene: str) -> str:
+        """Return the scene's path as the simulator is to have it."""
+        if not is_local(self.link.address.rpartition(":")[0]):
+            return scene
+        path = (self._folder / scene).resolve()
+        if not path.is_file():
+            raise ConfigurationError(f"there is no scene file {path}")
+        return str(path)
 
     def _find_arms(self, scene: str) -> dict[str, SceneArm]:
         found = find_arms(self.link)
