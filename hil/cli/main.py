@@ -43,6 +43,7 @@ def _add_commands(first: str) -> None:
             dissector,
             doctor,
             impair,
+            rendering,
             replay,
             report,
             run,
@@ -57,6 +58,7 @@ def _add_commands(first: str) -> None:
         app.command("demo")(demo.demo)
         app.command("dissector")(dissector.dissector)
         app.command("impair")(impair.impair)
+        app.command("rendering")(rendering.rendering)
         app.command("replay")(replay.replay)
         app.command("shadow")(shadow.shadow)
         app.command("step-response")(step_response.step_response)
