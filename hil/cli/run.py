@@ -142,20 +142,22 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
 
     result = run_station(
         chosen,
-        RunOptions(duration_s=duration, status_json=status_json, progress_s=progress, view=_view_place(view, view_at)),
+        RunOptions(
+            duration_s=duration, status_json=status_json, progress_s=progress, view=_view_place(view, view_at, station)
+        ),
     )
     print_summary(result.status)
     if result.fault is not None:
         raise typer.Exit(1)
 
 
-def _view_place(view: bool, at: str | None) -> "ViewPlace | None":
+def _view_place(view: bool, at: str | None, station: Path | None) -> "ViewPlace | None":
     from hil.runtime.view_process import ViewPlace
 
     if at is not None:
         address = parse_address(at, default_port=ViewPlace().port)
-        return ViewPlace(address.host, address.port)
-    return ViewPlace() if view else None
+        return ViewPlace(address.host, address.port, station)
+    return ViewPlace(station=station) if view else None
 
 
 def _shadow(backend: str | None, options: dict[str, Any], *, robot: str | None, seconds: float | None) -> None:

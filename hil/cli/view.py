@@ -13,6 +13,7 @@ from hil.values.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from tools.view.browser.page import Page
+    from tools.view.sources import Sources
 
 DEFAULT_PORT = 8080
 
@@ -28,6 +29,9 @@ def view(
     ] = None,
     host: Annotated[str, typer.Option(metavar="ADDR", help="Where the page is served.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=1, max=65535, help="Its port, or the next one that is free.")] = DEFAULT_PORT,
+    station: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Station file; what is chosen in the page is kept beside it.")
+    ] = None,
     token: Annotated[
         str | None, typer.Option(metavar="TEXT", help="The operator's token; a new one is made unless given.")
     ] = None,
@@ -43,8 +47,11 @@ def view(
         raise ConfigurationError("give either the addresses of servo links or a controller's socket (--socket)")
     from tools.view.sources import from_addresses, from_pad
 
-    sources = from_addresses(robots, key_file=servo_key) if robots else from_pad(socket)
-    from tools.view.browser.page import Page
+    def find() -> "Sources":
+        return from_addresses(robots, key_file=servo_key) if robots else from_pad(socket)
+
+    sources = find()
+    from tools.view.browser.page import Page, PageOptions
     from tools.view.token import checked_token, new_token
     from tools.view.watch import Watch
 
@@ -55,7 +62,7 @@ def view(
     if end_with_input:
         threading.Thread(target=_end_with_input, args=(ended,), daemon=True).start()
     with Watch(sources) as watch:
-        page = Page(watch, host=host, port=port, token=secret)
+        page = Page(watch, PageOptions(secret, find, host, port, station))
         try:
             page.open()
             _say(page, may_act=sources.pad is not None)

@@ -23,6 +23,8 @@ class ViewPlace(NamedTuple):
 
     host: str = "127.0.0.1"
     port: int = 8080
+    station: Path | None = None
+    """Station file, beside which the choices made in the page are kept."""
 
 
 class ViewProcess:
@@ -35,7 +37,18 @@ class ViewProcess:
     def __init__(self, place: ViewPlace, pad: Path, *, say: Callable[[str], None]) -> None:
         self._say = say
         self._loop = asyncio.get_running_loop()
-        arguments = ("view", "--socket", str(pad), "--host", place.host, "--port", str(place.port), "--end-with-input")
+        arguments: tuple[str, ...] = (
+            "view",
+            "--socket",
+            str(pad),
+            "--host",
+            place.host,
+            "--port",
+            str(place.port),
+            "--end-with-input",
+        )
+        if place.station is not None:
+            arguments += ("--station", str(place.station))
         try:
             with terminal_signals_blocked():
                 self._process = subprocess.Popen(

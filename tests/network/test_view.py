@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from backends.robots.visual import visual_parts
 from hil.client.pad import PadClient, PadRefused
@@ -24,7 +25,6 @@ from transport.udp import free_port
 pytestmark = [pytest.mark.alone, pytest.mark.skipif(CHROMIUM is None, reason=NO_CHROMIUM)]
 
 ROBOT = "lbr-iiwa-14-r820"
-FIELD = "input[type=text], input:not([type])"
 
 
 class Station:
@@ -104,13 +104,15 @@ def test_the_arm_is_drawn_where_the_state_packet_says(station: Station, operated
     operated.wait_ms(400)
     state = station.state()
     assert state.measured_position[1] > math.radians(31.0)
-    parts = [part for part in visual_parts(ROBOT) if part.body == 7]
-    [outermost, *_] = sorted(parts, key=lambda part: -len(part.vertices))
-    [matrix, *_] = operated.drawn(len(outermost.vertices))
-    drawn = np.array(matrix).reshape(4, 4).T
-    flange_in_link = flange_in_last_link()
-    x, height, minus_y = (drawn @ [*flange_in_link, 1.0])[:3]
-    assert (x, -minus_y, height) == pytest.approx(state.flange_in_base.position_m, abs=1e-3)
+    # Cylinders are alike: the first is the foot of the base, whose frame is the robot base, the last is the flange.
+    foot, *_, flange = operated.drawn(len(visual_parts(ROBOT)[-1].vertices))
+    link_in_base = np.linalg.inv(matrix(foot)) @ matrix(flange)
+    drawn = link_in_base @ [*flange_in_last_link(), 1.0]
+    assert drawn[:3] == pytest.approx(state.flange_in_base.position_m, abs=1e-3)
+
+
+def matrix(columns: list[float]) -> NDArray[np.float64]:
+    return np.array(columns).reshape(4, 4).T
 
 
 def flange_in_last_link() -> list[float]:
@@ -188,12 +190,12 @@ def test_who_has_no_token_only_looks(station: Station, operated: Page, browser: 
     page.wait_for_text("operator's token")
     page.wait_for_text("between its ends")
     assert acting(page) == []
-    page.type("q" * len(station.token), into=FIELD)
+    page.type("q" * len(station.token), into="operator's token")
     page.wait_for_text("that is not the operator's token")
     assert acting(page) == []
     page.close()
     page = Page(browser, station.address)
-    page.type(station.token, into=FIELD)
+    page.type(station.token, into="operator's token")
     page.wait_for_text("EMERGENCY STOP")
     page.close()
 
@@ -203,11 +205,11 @@ def acting(page: Page) -> list[str]:
     told: list[str] = page.opened.run(
         "[...document.querySelectorAll('button, [role=tab], label')].map(one => one.textContent.trim())"
     )
-    return [text for text in told if re.search("EMERGENCY|hold|Start|Pause|Reset|AUT|T1|Jog", text)]
+    return [text for text in told if re.search("EMERGENCY|hold|Start|Pause|^Reset$|AUT|T1|Jog|scene|Refresh", text)]
 
 
 def test_a_picture_of_every_screen(station: Station, operated: Page, browser: Browser, pictures: Path) -> None:
-    for tab in ("Axes", "Jog", "I/O", "Messages", "Latency", "View"):
+    for tab in ("Axes", "Jog", "I/O", "Messages", "Latency", "View", "Rendering"):
         operated.click(tab)
         operated.wait_ms(300)
         picture = operated.picture(pictures / f"operator-{tab.replace('/', '')}.png")

@@ -84,9 +84,15 @@ class Page:
         self.let_go(at)
 
     def type(self, text: str, *, into: str) -> None:
-        """Type into the first field that a selector finds."""
-        self.wait_until(f"document.querySelector({json.dumps(into)}) !== null")
-        self.opened.run(f"document.querySelector({json.dumps(into)}).focus()")
+        """Type into the field with that label."""
+        field = f"""(() => {{
+            let beside = [...document.querySelectorAll("*")].reverse()
+                .find(one => one.textContent.trim() === {json.dumps(into)});
+            while (beside && !beside.querySelector("input")) beside = beside.parentElement;
+            return beside && beside.querySelector("input");
+        }})()"""
+        self.wait_until(f"{field} instanceof HTMLElement")
+        self.opened.run(f"{field}.focus(); {field}.select()")
         self.opened.call("Input.insertText", text=text)
 
     def close(self) -> None:

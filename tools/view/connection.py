@@ -279,5 +279,5 @@ class RenderingConnection:
             self._assigned = assigned
 
     def _keep(self, scene: str, devices: Mapping[str, str]) -> None:
-        if self.station is not None:
+        if self.station is not None and self.station.is_file():
             keep_choices(self.station, self._kind, Choices(scene=scene, devices=dict(devices)))

@@ -47,10 +47,9 @@ class Watch:
     """Watches from ``open`` (or ``with``) to ``close``; any thread may ask."""
 
     def __init__(self, sources: Sources, *, name: str = "hil view", period_ms: int = STATE_PERIOD_MS) -> None:
-        self.sources = sources
         self._name = name
-        self._robots = [_Robot(source, name=name, period_ms=period_ms) for source in sources.robots]
-        self._pad = None if sources.pad is None else _Pad(sources.pad)
+        self._period_ms = period_ms
+        self._take(sources)
 
     def __enter__(self) -> Self:
         self.open()
@@ -60,6 +59,18 @@ class Watch:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self.close()
+
+    def _take(self, sources: Sources) -> None:
+        self.sources = sources
+        self._robots = [_Robot(source, name=self._name, period_ms=self._period_ms) for source in sources.robots]
+        self._pad = None if sources.pad is None else _Pad(sources.pad)
+
+    def renew(self, sources: Sources) -> None:
+        """Watch others from now on; raises as :meth:`open` does, and then goes on with those before."""
+        new = Watch(sources, name=self._name, period_ms=self._period_ms)
+        new.open()
+        self.close()
+        self.sources, self._robots, self._pad = sources, new._robots, new._pad
 
     def open(self) -> None:
         """Meet all robots once, and watch from then on; raises what the first one raised that could not be met."""

@@ -1,7 +1,7 @@
 """What the pad in the page shows, as HTML: figures with their limits, never the words of a peer unescaped."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
 from typing import Final
 
@@ -10,6 +10,7 @@ from hil.values.operator import ProgramState
 from hil.values.pose import Pose
 from hil.values.robot import JOINT_NAMES, JointLimits
 from hil.values.servo import Snapshot
+from tools.view.connection import Row
 from tools.view.drawing import ArmNow
 from tools.view.watch import Message
 
@@ -129,15 +130,16 @@ def signals_card(pad: RobotState | None) -> str:
     return _box(f"<table style='width:100%;font-size:0.85em'>{rows}</table>")
 
 
-def rows_card(rows: Sequence[Mapping[str, str]]) -> str:
-    """Return rows of a table, those with ``lost`` in red."""
+def rows_card(state: str, trouble: str, rows: Sequence[Row]) -> str:
+    """Return how far a rendering connection is, and its robots, those that are lost in red (manual 6.2)."""
     told = "".join(
-        f"<tr style='color:{_BAD if row['lost'] else 'inherit'}'><td>{escape(row['robot'])}</td>"
-        f"<td>{escape(row['device'])}</td><td>{escape(row['lost'] or 'live')}</td></tr>"
+        f"<tr style='color:{_BAD if row.lost else 'inherit'}'><td>{escape(row.robot)}</td>"
+        f"<td>{escape(row.device or '-')}</td><td>{escape(row.lost or 'connected')}</td></tr>"
         for row in rows
     )
-    head = "<tr><th align='left'>robot</th><th align='left'>device</th><th align='left'>connection</th></tr>"
-    return _box(f"<table style='width:100%;font-size:0.85em'>{head}{told}</table>")
+    head = "<tr><th align='left'>robot</th><th align='left'>shown by</th><th align='left'>connection</th></tr>"
+    table = f"<table style='width:100%;font-size:0.85em'>{head}{told}</table>"
+    return _box(_badge(state, "#1971c2") + (_line(trouble, _BAD) if trouble else "") + table)
 
 
 def note(text: str) -> str:

@@ -4,87 +4,107 @@ import contextlib
 import io
 import math
 import threading
-from typing import Final
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final, NamedTuple
 from urllib.parse import quote
 
 import viser
 
 from hil.clock import MonotonicClock
-from hil.values.errors import EndpointError
+from hil.values.errors import EndpointError, HilError
 from tools.view.browser.panel import Panel, tell
 from tools.view.browser.push import push_by_dragging
 from tools.view.browser.renderer import STATION_SCENE, BrowserRenderer
+from tools.view.choices import BROWSER
+from tools.view.connection import RenderingConnection
+from tools.view.drawing import DrawnRobot
 from tools.view.operator import Operator
+from tools.view.sources import Sources
 from tools.view.token import same_token
 from tools.view.watch import Watch
 
 FRAMES_PER_S: Final = 30
+MAX_BROWSERS: Final = 8
 _PANEL_EVERY: Final = 3
 """Drawn frames to one update of the panels."""
-MAX_BROWSERS: Final = 8
+_WAITING_ACTIONS: Final = 64
 _NS: Final = 1_000_000_000
+_NO_FILE: Final = Path("the running controller")
 _NOT_SERVED: Final = "the page is not served"
+_CAMERA_M: Final = (1.75, -1.55, 1.3)
+_LOOKS_AT_M: Final = (0.0, 0.0, 0.5)
+_FIELD_OF_VIEW_DEG: Final = 45.0
+_ORANGE: Final = (230, 90, 0)
+
+
+class PageOptions(NamedTuple):
+    """How the page is served. ``station`` is the file with which choices are kept; ``find`` looks for robots again."""
+
+    token: str
+    find: Callable[[], Sources]
+    host: str = "127.0.0.1"
+    port: int = 8080
+    station: Path | None = None
 
 
 class Page:
     """Serves from ``open`` to ``close``; :meth:`run` draws meanwhile."""
 
-    def __init__(self, watch: Watch, *, host: str, port: int, token: str) -> None:
+    def __init__(self, watch: Watch, options: PageOptions) -> None:
         self._watch = watch
-        self._host, self._port = host, port
-        self._token = token
-        self._server: viser.ViserServer | None = None
-        self._renderer: BrowserRenderer | None = None
+        self._options = options
+        self._served: _Served | None = None
         self._panels: dict[int, Panel] = {}
         self._operators: dict[int, Operator] = {}
-        self._lock = threading.Lock()
+        self._waiting: deque[tuple[viser.ClientHandle, Callable[[], object]]] = deque(maxlen=_WAITING_ACTIONS)
+        self._lock = threading.RLock()
         self._clock = MonotonicClock()
 
     def open(self) -> None:
-        """Serve the page; raise :class:`EndpointError` where that cannot be."""
+        """Serve the page, and begin the live view; raise :class:`EndpointError` where it cannot be served."""
+        host, port = self._options.host, self._options.port
         try:
             with _quiet():
-                server = viser.ViserServer(host=self._host, port=self._port, label="fri-hil", verbose=False)
+                server = viser.ViserServer(host=host, port=port, label="fri-hil", verbose=False)
         except OSError as error:
-            raise EndpointError(f"cannot serve the page at {self._host}:{self._port}: {error.strerror}") from error
-        self._server = server
-        server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(230, 90, 0))
-        server.initial_camera.position = (1.75, -1.55, 1.3)
-        server.initial_camera.fov = math.radians(45.0)
-        server.initial_camera.look_at = (0.0, 0.0, 0.5)
-        renderer = self._renderer = BrowserRenderer(server, self._watch.sources.objects)
-        renderer.load_scene(STATION_SCENE, self._watch.robots)
-        renderer.start({name: name for name in renderer.devices()})
-        renderer.synchronise_frames()
-        push_by_dragging(renderer, self._operators)
+            raise EndpointError(f"cannot serve the page at {host}:{port}: {error.strerror or error}") from error
+        server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=_ORANGE)
+        server.initial_camera.position = _CAMERA_M
+        server.initial_camera.fov = math.radians(_FIELD_OF_VIEW_DEG)
+        server.initial_camera.look_at = _LOOKS_AT_M
+        renderer = BrowserRenderer(server, self._watch.sources.objects)
+        renderer.started = lambda: push_by_dragging(renderer, self._operators)
+        connection = RenderingConnection(renderer, kind=BROWSER, read_station=self._read_station)
+        self._served = _Served(server, renderer, connection)
+        self._begin(connection)
         server.on_client_connect(self._joined)
         server.on_client_disconnect(self._left)
 
     @property
     def address(self) -> str:
         """Where the page is, to look at."""
-        return f"http://{self._shown_host}:{self._opened.get_port()}"
+        return f"http://{self._place}"
 
     @property
     def operator_address(self) -> str:
         """Where it is for the operator: the token is in it."""
-        socket = f"ws://{self._shown_host}:{self._opened.get_port()}/{self._token}"
-        return f"{self.address}/?websocket={quote(socket, safe=':/')}"
+        return f"{self.address}/?websocket={quote(f'ws://{self._place}/{self._options.token}', safe=':/')}"
 
     def run(self, ended: threading.Event) -> None:
         """Draw until ``ended`` is set."""
-        renderer, due_ns, frames = self._drawing, self._clock.now_ns(), 0
+        connection, due_ns, frames = self._open.connection, self._clock.now_ns(), 0
         while not ended.is_set():
-            renderer.show(self._watch.now())
+            self._do_what_waits()
+            connection.show(self._watch.now())
             frames += 1
             if frames % _PANEL_EVERY == 0:
-                with self._lock:
-                    panels = list(self._panels.values())
-                for panel in panels:
+                for panel in self._all_panels():
                     panel.update()
             # Who was held up does not draw twice as fast afterwards.
             due_ns = max(due_ns + _NS // FRAMES_PER_S, self._clock.now_ns())
-            ended.wait(max(0, due_ns - self._clock.now_ns()) / _NS)
+            ended.wait((due_ns - self._clock.now_ns()) / _NS)
 
     def close(self) -> None:
         """Let go of everything held, and serve no more; idempotent."""
@@ -94,59 +114,95 @@ class Page:
             self._operators.clear()
         for panel in panels:
             panel.close()
-        server, self._server = self._server, None
-        if server is not None:
+        served, self._served = self._served, None
+        if served is not None:
             with _quiet():
-                server.stop()
+                served.server.stop()
 
     @property
-    def _opened(self) -> "viser.ViserServer":
-        if self._server is None:
+    def _open(self) -> "_Served":
+        if self._served is None:
             raise EndpointError(_NOT_SERVED)
-        return self._server
+        return self._served
 
     @property
-    def _shown_host(self) -> str:
-        return "127.0.0.1" if self._host in {"", "0.0.0.0"} else self._host  # noqa: S104  # compared with
+    def _place(self) -> str:
+        host = self._options.host
+        shown = "127.0.0.1" if host in {"", "0.0.0.0"} else host  # noqa: S104  # compared with
+        return f"{shown}:{self._open.server.get_port()}"
+
+    def _read_station(self, _station: Path) -> tuple[DrawnRobot, ...]:
+        """The robots are those that run, whatever a file says of them."""
+        return self._watch.robots
+
+    def _begin(self, connection: RenderingConnection) -> None:
+        connection.select_station(self._options.station or _NO_FILE)
+        if not connection.scene:
+            connection.select_scene(STATION_SCENE)
+        connection.load_scene()
+        connection.start_live_view()
+        connection.synchronise_frames()
+
+    def _do_what_waits(self) -> None:
+        while self._waiting:
+            client, action = self._waiting.popleft()
+            try:
+                action()
+            except HilError as refused:
+                tell(client, str(refused))
+
+    def _refresh(self) -> None:
+        """Look for the robots again, and go on with what is found."""
+        self._watch.renew(self._options.find())
+        self._open.renderer.surrounded_by(self._watch.sources.objects)
+        self._open.connection.refresh()
+        with self._lock:
+            clients = self._open.server.get_clients()
+            acting = {number: number in self._operators for number in self._panels if number in clients}
+        for number, may_act in acting.items():
+            self._add_panel(clients[number], may_act=may_act)
+
+    def _all_panels(self) -> list[Panel]:
+        with self._lock:
+            return list(self._panels.values())
 
     def _joined(self, client: "viser.ClientHandle") -> None:
-        with self._lock:
-            if len(self._panels) >= MAX_BROWSERS:
-                tell(client, f"{MAX_BROWSERS} browsers have the pad, which is the most; this one has the scene only")
-                return
-        self._add_panel(client, same_token(_path_of(self._opened, client.client_id).strip("/"), self._token))
+        if len(self._all_panels()) >= MAX_BROWSERS:
+            tell(client, f"{MAX_BROWSERS} browsers have the pad, which is the most; this one has the scene only")
+            return
+        given = _path_of(self._open.server, client.client_id).strip("/")
+        self._add_panel(client, may_act=same_token(given, self._options.token))
 
-    def _add_panel(self, client: "viser.ClientHandle", may_act: bool) -> None:
+    def _add_panel(self, client: "viser.ClientHandle", *, may_act: bool) -> None:
         operator = None
         if may_act and self._watch.sources.pad is not None:
             operator = Operator(self._watch.sources.pad, lambda text: tell(client, text))
             operator.open()
+        served = self._open
         panel = Panel(
             client,
             self._watch,
-            self._drawing,
+            served.renderer,
+            served.connection,
             operator=operator,
             give_token=lambda given: self._take_token(client, given),
+            do=lambda action: self._waiting.append((client, lambda: action(served.connection))),
+            refresh=lambda: self._waiting.append((client, self._refresh)),
         )
         with self._lock:
             before = self._panels.get(client.client_id)
             self._panels[client.client_id] = panel
+            self._operators.pop(client.client_id, None)
             if operator is not None:
                 self._operators[client.client_id] = operator
         if before is not None:
             before.close()
 
-    @property
-    def _drawing(self) -> BrowserRenderer:
-        if self._renderer is None:
-            raise EndpointError(_NOT_SERVED)
-        return self._renderer
-
     def _take_token(self, client: "viser.ClientHandle", given: str) -> None:
-        if len(given.strip()) < len(self._token):
+        if len(given.strip()) < len(self._options.token):
             # It is still being typed.
             return
-        if same_token(given, self._token):
+        if same_token(given, self._options.token):
             self._add_panel(client, may_act=True)
         else:
             tell(client, "that is not the operator's token; hil view printed it")
@@ -157,6 +213,14 @@ class Page:
             self._operators.pop(client.client_id, None)
         if panel is not None:
             panel.close()
+
+
+class _Served(NamedTuple):
+    """What there is while the page is served."""
+
+    server: "viser.ViserServer"
+    renderer: BrowserRenderer
+    connection: RenderingConnection
 
 
 def _quiet() -> "contextlib.redirect_stdout[io.StringIO]":

@@ -14,6 +14,8 @@ from hil.values.frames import FLANGE
 from hil.values.robot import JOINT_NAMES
 from tools.view.browser import cards
 from tools.view.browser.renderer import BrowserRenderer
+from tools.view.browser.rendering_tab import Do, RenderingTab
+from tools.view.connection import RenderingConnection
 from tools.view.jog import Jogger, JogKey, Space
 from tools.view.operator import HOLD_HZ, Operator
 from tools.view.watch import Watch
@@ -44,15 +46,21 @@ class Panel:
         client: "viser.ClientHandle",
         watch: Watch,
         renderer: BrowserRenderer,
+        connection: RenderingConnection,
         *,
         operator: Operator | None,
         give_token: Callable[[str], None],
+        do: Do,
+        refresh: Callable[[], object],
     ) -> None:
         self._client = client
         self._gui = client.gui
         self._watch = watch
         self._renderer = renderer
         self._operator = operator
+        self._connection = connection
+        self._do, self._refresh = do, refresh
+        self._rendering: RenderingTab | None = None
         self._give_token = give_token
         self._robot = watch.robots[0].name
         self._joggers: dict[str, Jogger] = {}
@@ -91,6 +99,8 @@ class Panel:
                 self._tell("pose", cards.pose_card("flange in the robot base", snapshot.flange_in_base))
             self._tell("messages", cards.messages_card(self._watch.messages()))
             self._tell("signals", cards.signals_card(pad))
+            if self._rendering is not None:
+                self._rendering.update()
             if self._updates % _PLOT_EVERY == 1:
                 self._draw_latency()
 
@@ -138,6 +148,9 @@ class Panel:
                 self._build_latency()
             with tabs.add_tab("View"):
                 self._build_view()
+            with tabs.add_tab("Rendering"):
+                do = None if self._operator is None else self._do
+                self._rendering = RenderingTab(gui, self._connection, do, self._refresh)
 
     def _card(self, name: str) -> None:
         self._cards[name] = self._gui.add_html("")

@@ -1,6 +1,6 @@
 """The page's scene as a renderer: robots, what stands around them, frames."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import viser
@@ -31,6 +31,8 @@ class BrowserRenderer:
         self._live = False
         self._frames_drawn = False
         self.shown = Shown()
+        self.started: Callable[[], object] = lambda: None
+        """Called when the live view began anew."""
         scene = server.scene
         scene.set_up_direction("+z")
         # Shadows and reflections halve the frames a second where the browser has no GPU.
@@ -46,6 +48,10 @@ class BrowserRenderer:
         scene.add_grid(
             "/floor", width=_FLOOR_M, height=_FLOOR_M, cell_size=_CELL_M, section_size=1.0, cell_color=(225, 228, 232)
         )
+
+    def surrounded_by(self, objects: Sequence[Mapping[str, Any]]) -> None:
+        """These are what stands around the robots, from the next time that a scene is loaded."""
+        self._objects = tuple(objects)
 
     def load_scene(self, scene: str, robots: Sequence[DrawnRobot]) -> None:
         """Draw what stands around the robots: ``station`` or ``empty``; raise :class:`UnknownName`."""
@@ -72,6 +78,7 @@ class BrowserRenderer:
         self._live = True
         if self._frames_drawn:
             self.synchronise_frames()
+        self.started()
 
     def show(self, robots: Mapping[str, ArmNow]) -> None:
         """Draw the robots as they are now."""
