@@ -6,13 +6,14 @@ The simulator itself was not available.
 import socket
 import sys
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from backends.robots.facts import ROBOTS
-from hil.clock import stopwatch_ns
+from hil.clock import VirtualClock, stopwatch_ns, using
 from hil.values.errors import ConfigurationError, EndpointError, UnknownName
 from hil.values.frames import Frame, FrameKind, FrameTree
 from hil.values.pose import NOWHERE, Pose
@@ -379,6 +380,23 @@ def test_a_refresh_keeps_what_was_done_to_the_scene(simulator: StandIn, renderer
     renderer.reconfigure(robots())
     assert renderer.devices() == ("/hanging", "/standing", "/third")
     assert len(simulator.loaded) == 1
+
+
+def test_a_still_live_view_notices_that_the_scene_is_another(simulator: StandIn, tmp_path: Path) -> None:
+    clock = VirtualClock()
+    with using(clock), closing(CoppeliaSim(simulator.address, folder=tmp_path)) as renderer:
+        live(renderer)
+        still = {"left": ArmNow(snapshot_at(POSITION)), "right": ArmNow(snapshot_at(POSITION))}
+        renderer.show(still)
+        simulator.calls.clear()
+        clock.advance(1_000_000_000)
+        renderer.show(still)
+        assert simulator.calls == ["sim.getObjectAlias"] * 2
+        simulator.scene = with_gripper()
+        renderer.show(still)
+        clock.advance(1_000_000_000)
+        with pytest.raises(CallRefused, match=r"/standing is not in the scene any more .*; load cell\.ttt again"):
+            renderer.show(still)
 
 
 def test_no_simulator_at_all_is_told_in_time(tmp_path: Path) -> None:

@@ -38,12 +38,17 @@ def find_arms(link: Link) -> SceneArms:
     """Walk the tree of the scene; a few round trips a joint."""
     arms, others = [], []
     for model, chain in _chains(link):
-        path = str(link.call("getObjectAlias", model, _SHORT_PATH))
+        path = path_of(link, model)
         if len(chain) == JOINT_COUNT:
             arms.append(SceneArm(path, model, tuple(chain)))
         else:
             others.append(f"{path} with {len(chain)}")
     return SceneArms(tuple(sorted(arms)), tuple(sorted(others)))
+
+
+def path_of(link: Link, handle: int) -> str:
+    """Return the short path of an object, which no other one has."""
+    return str(link.call("getObjectAlias", handle, _SHORT_PATH))
 
 
 def poses_at_zero(link: Link, arm: SceneArm) -> tuple[Pose, ...]:

@@ -8,19 +8,21 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from hil.clock import Deadline
 from hil.values.errors import ConfigurationError, EndpointError, UnknownName
 from hil.values.frames import BASE
 from hil.values.robot import JOINT_NAMES
-from tools.view.coppelia.arms import SceneArm, find_arms, poses_at_zero
+from tools.view.coppelia.arms import SceneArm, find_arms, path_of, poses_at_zero
 from tools.view.coppelia.dummies import RobotFrames, draw_frames
 from tools.view.coppelia.geometry import Fit, fit_arm
-from tools.view.coppelia.link import ANSWER_S, DEFAULT_ADDRESS, LOAD_S, Link
+from tools.view.coppelia.link import ANSWER_S, DEFAULT_ADDRESS, LOAD_S, CallRefused, Link
 from tools.view.drawing import ArmNow, DrawnRobot
 from transport.udp import is_local
 
 RED: Final = (1.0, 0.0, 0.0)
 _COMPOUND: Final = "@compound"
 """All parts of a shape at once: three numbers for each."""
+_LOOK_S: Final = 1.0
 _MOVED_RAD: Final = 1e-6
 """Less is not sent: a round trip a joint and update is what the live view costs."""
 
@@ -63,6 +65,7 @@ class CoppeliaSim:
         self._arms: dict[str, SceneArm] = {}
         self._shown: dict[str, _Shown] = {}
         self._places: dict[str, _Place] = {}
+        self._look_again = Deadline(_LOOK_S)
 
     def load_scene(self, scene: str, robots: Sequence[DrawnRobot]) -> None:
         """Load a scene file (``.ttt``); the scene that is loaded there is given up, also what was not saved of it."""
@@ -120,7 +123,12 @@ class CoppeliaSim:
         )
 
     def show(self, robots: Mapping[str, ArmNow]) -> None:
-        """Set the joints that moved, one round trip each, and the colours of what was lost or is back."""
+        """Set the joints that moved, one round trip each, and the colours of what was lost or is back.
+
+        While nothing moves it asks once a second whether simulator and scene are still there.
+        """
+        if (self._look_again.left_s() or 0.0) <= 0.0:
+            self._require_scene()
         for name, shown in self._shown.items():
             now = robots.get(name)
             if now is None:
@@ -186,6 +194,20 @@ class CoppeliaSim:
             return self._arms[device]
         except KeyError:
             raise UnknownName("robot of the scene", device, self._arms) from None
+
+    def _require_scene(self) -> None:
+        """Raise :class:`EndpointError` where the simulator is gone, or has other objects than were found."""
+        self._look_again.restart()
+        for shown in self._shown.values():
+            try:
+                path = path_of(self.link, shown.arm.model)
+            except CallRefused:
+                path = ""
+            if path != shown.arm.device:
+                raise CallRefused(
+                    f"{shown.arm.device} is not in the scene any more that CoppeliaSim at {self.link.address} has "
+                    f"loaded; load {self._scene} again"
+                )
 
     def _mode(self, joint: int) -> tuple[int, int]:
         mode, options = self.link.call("getJointMode", joint)
