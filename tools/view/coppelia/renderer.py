@@ -165,20 +165,21 @@ class CoppeliaSim:
         self.link.close()
 
     def kept_name(self, scene: Path) -> str:
-        """Return what a scene file is called in the choices: by its path from ``folder`` where it is below that."""
-        if not is_local(self.link.address.rpartition(":")[0]):
+        """Return what a scene file is called in the choices: by its path from ``folder`` where it is below that.
+
+        Raises :class:`ConfigurationError` for a file that is not there, where that can be known.
+        """
+        if not self._on_this_machine():
             return str(scene)
-        whole, folder = scene.resolve(), self._folder.resolve()
+        whole, folder = _existing(scene), self._folder.resolve()
         return str(whole.relative_to(folder)) if whole.is_relative_to(folder) else str(whole)
 
     def _path(self, scene: str) -> str:
         """Return the scene's path as the simulator is to have it."""
-        if not is_local(self.link.address.rpartition(":")[0]):
-            return scene
-        path = (self._folder / scene).resolve()
-        if not path.is_file():
-            raise ConfigurationError(f"there is no scene file {path}")
-        return str(path)
+        return str(_existing(self._folder / scene)) if self._on_this_machine() else scene
+
+    def _on_this_machine(self) -> bool:
+        return is_local(self.link.address.rpartition(":")[0])
 
     def _find_arms(self, scene: str) -> dict[str, SceneArm]:
         found = find_arms(self.link)
@@ -235,3 +236,10 @@ class CoppeliaSim:
             part = self.link.constant("colorcomponent_ambient_diffuse")
             self.link.call("setShapeColor", handle, _COMPOUND, part, before)
         shown.red = False
+
+
+def _existing(scene: Path) -> Path:
+    path = scene.resolve()
+    if not path.is_file():
+        raise ConfigurationError(f"there is no scene file {path}")
+    return path
