@@ -84,12 +84,9 @@ def test_what_is_kept_is_shown(station: Path) -> None:
         ((), "", "no scene is kept with {station} yet; choose one with --scene FILE.ttt"),
         (("--devices", "left"), "", "--devices 'left' is not ROBOT=DEVICE, such as left=/LBRiiwa7R800"),
         (("--coppeliasim", "nowhere:0"), "", "'nowhere:0' is no address of a simulator; valid: HOST[:PORT], port 1.."),
-        (
-            ("--scene", "a.ttt"),
-            "scene = 3",
-            "{kept} is not what was kept: scene: Extra inputs are not permitted; repair",
-        ),
-        (("--scene", "a.ttt", "--socket", "/nowhere"), "", "/nowhere"),
+        ((), "scene = 3", "{kept} is not what was kept: scene: Extra inputs are not permitted; repair"),
+        (("--scene", "nowhere.ttt"), "", "there is no scene file "),
+        (("--socket", "/nowhere"), '[coppeliasim]\nscene = "cell.ttt"', "/nowhere"),
     ],
 )
 def test_what_cannot_work_ends_with_a_sentence(station: Path, options: tuple[str, ...], kept: str, said: str) -> None:
