@@ -379,6 +379,13 @@ def test_a_refresh_keeps_what_was_done_to_the_scene(simulator: StandIn, renderer
     add_arm(simulator.scene, IIWA_7, alias="third")
     renderer.reconfigure(robots())
     assert renderer.devices() == ("/hanging", "/standing", "/third")
+    for handle in simulator.scene.named("hanging") + simulator.scene.named("standing"):
+        simulator.scene.things[handle].alias += "2"
+    renderer.reconfigure(robots())
+    assert renderer.devices() == ("/hanging2", "/standing2", "/third")
+    simulator.scene = with_gripper()
+    renderer.reconfigure(robots())
+    assert renderer.devices() == ("/armed",)
     assert len(simulator.loaded) == 1
 
 

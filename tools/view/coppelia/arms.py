@@ -81,7 +81,7 @@ def _chains(link: Link) -> list[tuple[int, list[int]]]:
     joint_type = link.constant("sceneobject_joint", "object_joint_type")
     revolute = link.constant("joint_revolute", "joint_revolute_subtype")
     not_a_model = link.constant("modelproperty_not_model")
-    joints = list(link.call("getObjectsInTree", link.constant("handle_scene"), joint_type, 0))
+    joints = [int(one) for one in link.call("getObjectsInTree", link.constant("handle_scene"), joint_type, 0)]
 
     @cache
     def parent(handle: int) -> int:
@@ -101,7 +101,7 @@ def _chains(link: Link) -> list[tuple[int, list[int]]]:
         above = ancestors(handle)
         return next((one for one in above if is_model(one)), above[-1] if above else handle)
 
-    turning = {one: model(one) for one in joints if link.call("getJointType", one) == revolute}
+    turning = {one: model(one) for one in joints if int(link.call("getJointType", one)) == revolute}
     next_ones: dict[int, list[int]] = {one: [] for one in turning}
     heads = []
     for one, of in turning.items():

@@ -73,8 +73,8 @@ class Link:
         self._require_connection()
         for name in names:
             value = getattr(self._sim, name, None)
-            if isinstance(value, int):
-                return value
+            if isinstance(value, int | float):
+                return int(value)
         raise CallRefused(f"CoppeliaSim at {self.address} has no constant sim.{names[0]}: its release is not known")
 
     def call(self, function: str, *arguments: object, answer_s: float | None = None) -> Any:
