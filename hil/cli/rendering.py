@@ -123,10 +123,15 @@ def _follow(
 
 
 def _refresh(connection: "RenderingConnection") -> None:
-    # What is wrong is the connection's trouble from then on, which is shown.
-    with contextlib.suppress(HilError):
+    try:
         connection.refresh()
-        connection.synchronise_frames()
+        frames = connection.synchronise_frames()
+    except HilError as error:
+        # What makes the live view stand still is shown as long as it does.
+        if not connection.trouble:
+            _say(str(error))
+    else:
+        _say(f"station and scene were read again; {frames} frames are drawn")
 
 
 class _Lines:

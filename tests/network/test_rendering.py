@@ -42,27 +42,36 @@ def test_a_running_robot_stands_in_the_scene_and_is_red_when_it_is_gone(folder: 
     controller = hil("run", station, "--pad", pad, "--progress", 0, station_links=True)
     with StandIn(own_host(), scenes={str(scene.resolve()): one_arm}) as simulator:
         wait_for_line(controller, "pad: ")
-        process = hil("rendering", station, "--socket", pad, "--scene", scene, "--coppeliasim", simulator.address)
+        process = hil(
+            "rendering", station, "--socket", pad, "--scene", scene, "--coppeliasim", simulator.address, typed=True
+        )
+        assert process.stdin is not None
         assert process.stdout is not None
-        said = []
-        for line in process.stdout:
-            said.append(line.rstrip())
-            if len(said) == 1:
-                positions = [one.position for one in simulator.scene.things.values() if one.kind == JOINT]
-                assert sorted(positions) == pytest.approx(sorted(START_RAD), abs=1e-3)
-                ended = finish(controller, interrupt=True)
-                assert ended.code == 0, ended.err
-            else:
-                break
-        # What a table or a line says of it, the scene had before.
+        assert wait_for_line(process, "the live view is on; 3 frames are drawn")
+        assert process.stdout.readline() == "left: /iiwa, connected\n"
+        positions = [one.position for one in simulator.scene.things.values() if one.kind == JOINT]
+        assert sorted(positions) == pytest.approx(sorted(START_RAD), abs=1e-3)
+
+        text = station.read_text(encoding="utf-8")
+        for added, said in (
+            ('[[robot.frame]]\nname = "table"\n', "station and scene were read again; 4 frames are drawn"),
+            ("[[robot.frame]]\n", "frame[1].name: Field required"),
+        ):
+            station.write_text(text + added, encoding="utf-8")
+            process.stdin.write("\n")
+            process.stdin.flush()
+            wait_for_line(process, said)
+        assert simulator.scene.named("table")
+
+        ended = finish(controller, interrupt=True)
+        assert ended.code == 0, ended.err
+        lost = "left: /iiwa, lost: the session with the controller is over: the controller shuts down\n"
+        assert process.stdout.readline() == lost
+        # What a line says of it, the scene had before.
         assert [1.0, 0.0, 0.0, 1.0, 0.0, 0.0] in [one.colours for one in simulator.scene.things.values()]
         ended = finish(process, interrupt=True)
-    assert said == [
-        "left: /iiwa, connected",
-        "left: /iiwa, lost: the session with the controller is over: the controller shuts down",
-    ]
-    assert ended.code == 0, ended.err
-    assert "the live view is on; 3 frames are drawn" in ended.err
+        assert (ended.code, ended.err) == (0, "")
+        assert [1.0, 0.0, 0.0, 1.0, 0.0, 0.0] not in [one.colours for one in simulator.scene.things.values()]
     assert 'scene = "cell.ttt"' in choices_path(station).read_text(encoding="utf-8")
 
 
