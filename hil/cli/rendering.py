@@ -73,6 +73,11 @@ def rendering(
             connection.load_scene()
             for robot, device in wanted:
                 connection.assign(robot, device)
+            if not any(row.device for row in connection.rows()):
+                raise UsageError(
+                    f"choose which robot of the scene each one is, with --devices ROBOT=DEVICE; the scene has "
+                    f"{', '.join(connection.devices)}, the station {', '.join(row.robot for row in connection.rows())}"
+                )
             connection.start_live_view()
             frames = connection.synchronise_frames()
             _say(f"the live view is on; {frames} frames are drawn; Enter reads station and scene again, Ctrl-C ends it")
@@ -113,15 +118,20 @@ def _follow(
             waited = 0
             _refresh(connection)
         tell(connection)
-    if not connection.trouble:
+    with contextlib.suppress(HilError):
         connection.stop_live_view()
 
 
 def _refresh(connection: "RenderingConnection") -> None:
-    # What is wrong is the connection's trouble from then on, which is shown.
-    with contextlib.suppress(HilError):
+    try:
         connection.refresh()
-        connection.synchronise_frames()
+        frames = connection.synchronise_frames()
+    except HilError as error:
+        # What makes the live view stand still is shown as long as it does.
+        if not connection.trouble:
+            _say(str(error))
+    else:
+        _say(f"station and scene were read again; {frames} frames are drawn")
 
 
 class _Lines:

@@ -6,13 +6,14 @@ The simulator itself was not available.
 import socket
 import sys
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from backends.robots.facts import ROBOTS
-from hil.clock import stopwatch_ns
+from hil.clock import VirtualClock, stopwatch_ns, using
 from hil.values.errors import ConfigurationError, EndpointError, UnknownName
 from hil.values.frames import Frame, FrameKind, FrameTree
 from hil.values.pose import NOWHERE, Pose
@@ -45,7 +46,9 @@ BESIDE = Pose.from_abc_deg((1.0, -0.5, 0.8), 90.0, 0.0, 180.0)
 """Where the second arm hangs: upside down from above."""
 POSITION = (0.1, -0.2, 0.3, -0.4, 0.5, -0.6, 0.7)
 LOST = "the controller was silent for 3 s"
-ANSWER_S = 0.3
+IMPATIENT_S = 0.2
+IN_TIME_NS = 5_000_000_000
+"""Far more than that, and far less than for ever, on a machine that has much to do."""
 
 
 def cell() -> Scene:
@@ -109,7 +112,7 @@ def simulator(tmp_path: Path) -> Iterator[StandIn]:
 
 @pytest.fixture
 def renderer(simulator: StandIn, tmp_path: Path) -> Iterator[CoppeliaSim]:
-    one = CoppeliaSim(simulator.address, folder=tmp_path, answer_s=ANSWER_S)
+    one = CoppeliaSim(simulator.address, folder=tmp_path, answer_s=20.0)
     yield one
     one.close()
 
@@ -209,6 +212,28 @@ def test_only_joints_that_moved_cost_a_round_trip(simulator: StandIn, renderer: 
     assert simulator.calls == []
     renderer.show({**still, "left": ArmNow(snapshot_at((*POSITION[:6], 0.71)))})
     assert simulator.calls == ["sim.setJointPosition"]
+
+
+@pytest.mark.parametrize(("lua", "calls"), [("taken", 1), ("ignored", 14), ("", 14)])
+def test_one_round_trip_sets_all_joints_where_the_simulator_is_seen_to_take_that(
+    simulator: StandIn, renderer: CoppeliaSim, lua: str, calls: int
+) -> None:
+    simulator.lua = lua
+    live(renderer)
+    simulator.calls.clear()
+    renderer.show({"left": ArmNow(snapshot_at(POSITION)), "right": ArmNow(snapshot_at(POSITION[::-1]))})
+    assert simulator.calls == ["sim.executeScriptString" if calls == 1 else "sim.setJointPosition"] * calls
+    for alias, position in (("standing", POSITION), ("hanging", POSITION[::-1])):
+        joints = chain(simulator.scene, alias)
+        assert [simulator.scene.things[joint].position for joint in joints] == pytest.approx(position, abs=1e-9)
+
+
+def test_a_line_of_lua_that_fails_later_is_told(simulator: StandIn, renderer: CoppeliaSim) -> None:
+    simulator.lua = "taken"
+    live(renderer)
+    del simulator.scene.things[chain(simulator.scene, "standing")[-1]]
+    with pytest.raises(CallRefused, match=r"did not set the joints: .*an error of Lua"):
+        renderer.show({"left": ArmNow(snapshot_at(POSITION))})
 
 
 @pytest.mark.parametrize(
@@ -356,14 +381,16 @@ def test_a_simulator_that_dies_in_mid_view_is_told_in_time_and_refreshed(
     connection.show({"left": ArmNow(snapshot_at(POSITION))})
     assert not connection.trouble
     simulator.die()
+    renderer.link.answer_s = IMPATIENT_S
     began_ns = stopwatch_ns()
     connection.show({"left": ArmNow(snapshot_at((0.0,) * 7))})
-    assert stopwatch_ns() - began_ns < 5 * ANSWER_S * 1e9
-    assert connection.trouble.startswith(f"nobody answers at {simulator.address} within 0.3 s: is CoppeliaSim running")
+    assert stopwatch_ns() - began_ns < IN_TIME_NS
+    assert connection.trouble.startswith(f"nobody answers at {simulator.address} within 0.2 s: is CoppeliaSim running")
     with pytest.raises(SimulatorLost):
         connection.refresh()
     assert connection.state is State.LIVE
     simulator.start()
+    renderer.link.answer_s = 20.0
     connection.refresh()
     connection.show({"left": ArmNow(snapshot_at(POSITION))})
     assert (connection.state, connection.trouble) == (State.LIVE, "")
@@ -378,16 +405,40 @@ def test_a_refresh_keeps_what_was_done_to_the_scene(simulator: StandIn, renderer
     add_arm(simulator.scene, IIWA_7, alias="third")
     renderer.reconfigure(robots())
     assert renderer.devices() == ("/hanging", "/standing", "/third")
+    for handle in simulator.scene.named("hanging") + simulator.scene.named("standing"):
+        simulator.scene.things[handle].alias += "2"
+    renderer.reconfigure(robots())
+    assert renderer.devices() == ("/hanging2", "/standing2", "/third")
+    simulator.scene = with_gripper()
+    renderer.reconfigure(robots())
+    assert renderer.devices() == ("/armed",)
     assert len(simulator.loaded) == 1
+
+
+def test_a_still_live_view_notices_that_the_scene_is_another(simulator: StandIn, tmp_path: Path) -> None:
+    clock = VirtualClock()
+    with using(clock), closing(CoppeliaSim(simulator.address, folder=tmp_path)) as renderer:
+        live(renderer)
+        still = {"left": ArmNow(snapshot_at(POSITION)), "right": ArmNow(snapshot_at(POSITION))}
+        renderer.show(still)
+        simulator.calls.clear()
+        clock.advance(1_000_000_000)
+        renderer.show(still)
+        assert simulator.calls == ["sim.getObjectAlias"] * 2
+        simulator.scene = with_gripper()
+        renderer.show(still)
+        clock.advance(1_000_000_000)
+        with pytest.raises(CallRefused, match=r"/standing is not in the scene any more .*; load cell\.ttt again"):
+            renderer.show(still)
 
 
 def test_no_simulator_at_all_is_told_in_time(tmp_path: Path) -> None:
     (tmp_path / "cell.ttt").write_bytes(b"")
-    renderer = CoppeliaSim(f"{own_host()}:1", folder=tmp_path, answer_s=ANSWER_S)
+    renderer = CoppeliaSim(f"{own_host()}:1", folder=tmp_path, answer_s=IMPATIENT_S)
     began_ns = stopwatch_ns()
-    with pytest.raises(SimulatorLost, match=r"nobody answers at .*:1 within 0\.3 s"):
+    with pytest.raises(SimulatorLost, match=r"nobody answers at .*:1 within 0\.2 s"):
         renderer.load_scene("cell.ttt", robots())
-    assert stopwatch_ns() - began_ns < 5 * ANSWER_S * 1e9
+    assert stopwatch_ns() - began_ns < IN_TIME_NS
     renderer.close()
     renderer.close()
 
@@ -396,7 +447,7 @@ def test_something_else_at_that_address_is_told_in_time(tmp_path: Path) -> None:
     (tmp_path / "cell.ttt").write_bytes(b"")
     with socket.create_server((own_host(), 0)) as other:
         host, port = other.getsockname()
-        renderer = CoppeliaSim(f"{host}:{port}", folder=tmp_path, answer_s=ANSWER_S)
+        renderer = CoppeliaSim(f"{host}:{port}", folder=tmp_path, answer_s=IMPATIENT_S)
         with pytest.raises(SimulatorLost):
             renderer.load_scene("cell.ttt", robots())
 
@@ -404,6 +455,7 @@ def test_something_else_at_that_address_is_told_in_time(tmp_path: Path) -> None:
 def test_a_simulator_that_is_busy_for_ever_does_not_hold_us(simulator: StandIn, renderer: CoppeliaSim) -> None:
     live(renderer)
     simulator.busy_for_ever = True
+    renderer.link.answer_s = IMPATIENT_S
     with pytest.raises(SimulatorLost, match=r"nobody answers"):
         renderer.show({"left": ArmNow(snapshot_at(POSITION))})
     with pytest.raises(SimulatorLost, match="is lost; refresh to connect again"):

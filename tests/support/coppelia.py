@@ -38,6 +38,7 @@ CONSTANTS = {
     "jointmode_kinematic": KINEMATIC,
     "jointmode_dynamic": DYNAMIC,
     "modelproperty_not_model": 0xF000,
+    "scripttype_sandbox": 8,
     "simulation_stopped": 0,
     "simulation_advancing": 16,
     "colorcomponent_ambient_diffuse": 0,
@@ -150,10 +151,11 @@ def pointing(axis: tuple[float, float, float]) -> Pose:
 class StandIn:
     """The server, in a thread, on a free port of ``host``; open inside its ``with`` block.
 
-    Every ``waits`` requests it says first that it is busy, as the real one does between two pictures.
+    Every ``waits`` requests it says first that it is busy, as the real one does between two pictures. ``lua`` is how
+    its sandbox takes a line of Lua: not at all, ``taken``, or ``ignored`` without a word.
     """
 
-    def __init__(self, host: str, *, scenes: dict[str, Callable[[], Scene]], waits: int = 5) -> None:
+    def __init__(self, host: str, *, scenes: dict[str, Callable[[], Scene]], waits: int = 5, lua: str = "") -> None:
         self.host = host
         self.scenes = scenes
         self.scene = Scene()
@@ -161,6 +163,7 @@ class StandIn:
         self.calls: list[str] = []
         self.loaded: list[str] = []
         self.busy_for_ever = False
+        self.lua = lua
         self._waits = waits
         self._port = 0
         self._thread: threading.Thread | None = None
@@ -313,6 +316,27 @@ class StandIn:
         if thing.mode != KINEMATIC:
             raise Refusal("The joint is not in kinematic mode.")
         thing.position = float(position)
+
+    def _do_get_joint_position(self, handle: int) -> float:
+        return self._thing(handle, JOINT).position
+
+    def _do_get_script(self, kind: int) -> int:
+        assert kind == CONSTANTS["scripttype_sandbox"]
+        if not self.lua:
+            raise Refusal("There is no such script.")
+        return 77
+
+    def _do_execute_script_string(self, text: str, script: int) -> tuple[int, str] | int:
+        assert script == 77
+        lua, language = text.rsplit("@", 1)
+        assert language == "lua"
+        if self.lua == "taken":
+            for statement in lua.split():
+                found = re.fullmatch(r"sim\.setJointPosition\((\d+),(-?\d+\.\d+)\)", statement)
+                if found is None or int(found[1]) not in self.scene.things:
+                    return -1, "an error of Lua"
+                self._do_set_joint_position(int(found[1]), float(found[2]))
+        return 0
 
     def _do_get_object_alias(self, handle: int, options: int) -> str:
         thing = self._thing(handle)

@@ -196,7 +196,10 @@ def test_a_renderer_that_fails_is_left_alone_until_a_refresh(tmp_path: Path) -> 
     renderer.fails = "nobody answers"
     one.show({"left": HERE})
     assert (one.state, one.trouble) == (State.LIVE, "nobody answers")
+    renderer.fails = ""
     one.show({"left": HERE})
+    assert "show" not in renderer.told
+    renderer.fails = "nobody answers"
     with pytest.raises(EndpointError, match="nobody answers"):
         one.refresh()
     assert (one.state, one.trouble) == (State.LIVE, "nobody answers")

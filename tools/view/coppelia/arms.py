@@ -38,12 +38,17 @@ def find_arms(link: Link) -> SceneArms:
     """Walk the tree of the scene; a few round trips a joint."""
     arms, others = [], []
     for model, chain in _chains(link):
-        path = str(link.call("getObjectAlias", model, _SHORT_PATH))
+        path = path_of(link, model)
         if len(chain) == JOINT_COUNT:
             arms.append(SceneArm(path, model, tuple(chain)))
         else:
             others.append(f"{path} with {len(chain)}")
     return SceneArms(tuple(sorted(arms)), tuple(sorted(others)))
+
+
+def path_of(link: Link, handle: int) -> str:
+    """Return the short path of an object, which no other one has."""
+    return str(link.call("getObjectAlias", handle, _SHORT_PATH))
 
 
 def poses_at_zero(link: Link, arm: SceneArm) -> tuple[Pose, ...]:
@@ -76,7 +81,7 @@ def _chains(link: Link) -> list[tuple[int, list[int]]]:
     joint_type = link.constant("sceneobject_joint", "object_joint_type")
     revolute = link.constant("joint_revolute", "joint_revolute_subtype")
     not_a_model = link.constant("modelproperty_not_model")
-    joints = list(link.call("getObjectsInTree", link.constant("handle_scene"), joint_type, 0))
+    joints = [int(one) for one in link.call("getObjectsInTree", link.constant("handle_scene"), joint_type, 0)]
 
     @cache
     def parent(handle: int) -> int:
@@ -96,7 +101,7 @@ def _chains(link: Link) -> list[tuple[int, list[int]]]:
         above = ancestors(handle)
         return next((one for one in above if is_model(one)), above[-1] if above else handle)
 
-    turning = {one: model(one) for one in joints if link.call("getJointType", one) == revolute}
+    turning = {one: model(one) for one in joints if int(link.call("getJointType", one)) == revolute}
     next_ones: dict[int, list[int]] = {one: [] for one in turning}
     heads = []
     for one, of in turning.items():

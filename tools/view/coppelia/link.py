@@ -36,7 +36,8 @@ class Link:
         self.address = _checked(address)
         self.round_trips = 0
         """Requests sent so far, over all connections."""
-        self._answer_s = answer_s
+        self.answer_s = answer_s
+        """The longest wait for an answer."""
         self._deadline = Deadline(answer_s)
         self._package = _package()
         self._client: Any = None  # the package has no types
@@ -56,10 +57,10 @@ class Link:
         # It leaves a function of its own in the main program, and would live as long as that.
         vars(sys.modules["__main__"]).pop("require", None)
         client.socket.linger = 0
-        client.socket.sndtimeo = int(self._answer_s * 1000)
+        client.socket.sndtimeo = int(self.answer_s * 1000)
         client._send = self._counted(client._send)  # the package has no other place to bound a wait
         client._recv = self._bounded(client)
-        self._sim = self._answered("sim", lambda: client.require("sim"), self._answer_s)
+        self._sim = self._answered("sim", lambda: client.require("sim"), self.answer_s)
 
     def close(self) -> None:
         """Close; idempotent."""
@@ -73,8 +74,8 @@ class Link:
         self._require_connection()
         for name in names:
             value = getattr(self._sim, name, None)
-            if isinstance(value, int):
-                return value
+            if isinstance(value, int | float):
+                return int(value)
         raise CallRefused(f"CoppeliaSim at {self.address} has no constant sim.{names[0]}: its release is not known")
 
     def call(self, function: str, *arguments: object, answer_s: float | None = None) -> Any:
@@ -85,7 +86,7 @@ class Link:
         """
         self._require_connection()
         name = f"sim.{function}"
-        return self._answered(name, lambda: self._client.call(name, list(arguments)), answer_s or self._answer_s)
+        return self._answered(name, lambda: self._client.call(name, list(arguments)), answer_s or self.answer_s)
 
     def _require_connection(self) -> None:
         if self._client is None:
