@@ -50,6 +50,7 @@ def _add_commands(first: str) -> None:
             shadow,
             stand_in,
             step_response,
+            top,
             view,
         )
 
@@ -65,6 +66,7 @@ def _add_commands(first: str) -> None:
         app.command("can-drives")(can_drives.can_drives)
         app.command("conformance")(conformance.conformance)
         app.command("report")(report.report)
+        app.command("top")(top.top)
         app.command("view")(view.view)
         app.add_typer(bench.app, name="bench")
         app.add_typer(capture.app, name="capture")
