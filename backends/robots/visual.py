@@ -1,144 +1,133 @@
-"""The look of a robot as triangles, for whoever draws it without MuJoCo: the geoms of its model, tessellated."""
+"""The look of an arm as triangles, for renderers other than MuJoCo's: read from the very model that MuJoCo draws."""
 
 import math
-from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from backends.robots import load_mujoco
-from hil.values.errors import BackendError
+from backends.robots import load_mujoco, robot_names
 from hil.values.robot import Three
 
 if TYPE_CHECKING:
     import mujoco
 
-_SEGMENTS: Final = 40
-_RINGS: Final = 20
-_QUAD: Final = ((0, 1, 2), (0, 2, 3))
+Vertices = NDArray[np.float32]
+Faces = NDArray[np.int32]
 
-Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
-"""Vertices (n, 3) in m, and triangles (k, 3), counter-clockwise seen from outside."""
+_SEGMENTS: Final = 32
+_ROUNDINGS: Final = 12
+_BOX_CORNERS: Final = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 
 
 class VisualPart(NamedTuple):
-    """All of one colour on one body: 0 is the base, 7 the last link. Vertices in m, in the body's frame."""
+    """Everything of one colour on one body.
+
+    Where the surface has an edge, vertices stand there twice: normals averaged over the faces of a vertex are right.
+    """
 
     body: int
-    vertices: NDArray[np.float32]
-    """(n, 3)."""
-    faces: NDArray[np.int32]
-    """(k, 3): triangles, counter-clockwise seen from outside."""
+    """0: the base, which stands still; 1 to 7: what turns with A1 to A7. Link 7 ends at the flange."""
     colour: Three
-    """Red, green, blue: 0 to 1."""
+    """Red, green, blue, 0..1."""
+    vertices: Vertices
+    """N×3, m, in the frame of the body: its origin on the axis, its axes parallel to the base's at q = 0."""
+    faces: Faces
+    """M×3, counter-clockwise seen from outside."""
 
 
+@lru_cache(maxsize=len(robot_names()))
 def visual_parts(name: str) -> tuple[VisualPart, ...]:
-    """Return what is to be seen of a robot; raise :class:`UnknownName` if there is none of that name."""
+    """Return what there is to see of a robot, in the order of its bodies; ``UnknownName`` if there is none."""
     model = load_mujoco(name)
-    merged: dict[tuple[int, Three], list[Surface]] = {}
+    pieces: dict[tuple[int, Three], list[tuple[Vertices, Faces]]] = {}
     for geom in range(model.ngeom):
-        material = int(model.geom_matid[geom])
-        rgba = model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]
-        red, green, blue, _ = (round(float(share), 4) for share in rgba)
-        merged.setdefault((int(model.geom_bodyid[geom]), (red, green, blue)), []).append(_surface(model, geom))
-    return tuple(VisualPart(body, *_merged(surfaces), colour) for (body, colour), surfaces in merged.items())
+        red, green, blue = map(float, _colour(model, geom))
+        key = int(model.geom_bodyid[geom]), (round(red, 4), round(green, 4), round(blue, 4))
+        pieces.setdefault(key, []).append(_placed(model, geom))
+    return tuple(VisualPart(body, colour, *_joined(pieces[body, colour])) for body, colour in sorted(pieces))
 
 
-def _surface(model: "mujoco.MjModel", geom: int) -> Surface:
+def _colour(model: "mujoco.MjModel", geom: int) -> NDArray[np.float32]:
+    material = model.geom_matid[geom]
+    rgba: NDArray[np.float32] = model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]
+    return rgba[:3]
+
+
+def _placed(model: "mujoco.MjModel", geom: int) -> tuple[Vertices, Faces]:
+    """Triangles of one geom in the frame of its body."""
     import mujoco
 
-    shape = mujoco.mjtGeom(model.geom_type[geom])
-    if shape == mujoco.mjtGeom.mjGEOM_MESH:
-        vertices, faces = _mesh(model, int(model.geom_dataid[geom]))
-    else:
-        try:
-            make = _SHAPES[shape.name]
-        except KeyError:
-            raise BackendError(f"a geom of type {shape.name} cannot be drawn; valid: {', '.join(_SHAPES)}") from None
-        vertices, faces = make(model.geom_size[geom])
-    rotation = np.zeros(9)
-    mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
-    return vertices @ rotation.reshape(3, 3).T + model.geom_pos[geom], faces
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
+    vertices, faces = _triangles(model, geom)
+    return (vertices @ turn.reshape(3, 3).T + model.geom_pos[geom]).astype(np.float32), faces
 
 
-def _mesh(model: "mujoco.MjModel", mesh: int) -> Surface:
-    first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
-    first_face, face_count = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
-    vertices = np.array(model.mesh_vert[first : first + count], np.float64)
-    return vertices, np.array(model.mesh_face[first_face : first_face + face_count], np.int64)
+def _triangles(model: "mujoco.MjModel", geom: int) -> tuple[NDArray[np.float64], Faces]:
+    """Triangles of one geom in its own frame."""
+    import mujoco
+
+    kind, size = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom]
+    if kind == mujoco.mjtGeom.mjGEOM_MESH:
+        mesh = model.mesh(model.geom_dataid[geom])
+        vertex, face = int(mesh.vertadr[0]), int(mesh.faceadr[0])
+        vertices = model.mesh_vert[vertex : vertex + int(mesh.vertnum[0])].astype(np.float64)
+        return vertices, model.mesh_face[face : face + int(mesh.facenum[0])].astype(np.int32)
+    if kind == mujoco.mjtGeom.mjGEOM_BOX:
+        return _box(size)
+    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        radius, half = float(size[0]), float(size[1])
+        return _turned([(0.0, -half), (radius, -half), (radius, -half), (radius, half), (radius, half), (0.0, half)])
+    if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+        angles = [math.pi * (step / _ROUNDINGS - 0.5) for step in range(_ROUNDINGS + 1)]
+        vertices, faces = _turned([(math.cos(angle), math.sin(angle)) for angle in angles])
+        return vertices * size, faces
+    raise NotImplementedError(f"a robot's description has a geom of the kind {kind.name}")
 
 
-def _ellipsoid(size: NDArray[np.float64]) -> Surface:
-    """A ball of rings and segments, stretched; its poles are on z."""
-    latitudes = np.linspace(0.0, math.pi, _RINGS + 1)
-    turns = np.linspace(0.0, 2.0 * math.pi, _SEGMENTS, endpoint=False)
-    across, along = np.sin(latitudes)[:, None], np.cos(latitudes)[:, None]
-    ball = np.stack([across * np.cos(turns), across * np.sin(turns), along + 0.0 * turns], axis=-1)
-    faces = [
-        (ring * _SEGMENTS + corner[0], ring * _SEGMENTS + corner[1], ring * _SEGMENTS + corner[2])
-        for ring in range(_RINGS)
-        for corner in _band()
-    ]
-    return ball.reshape(-1, 3) * size, np.array(faces)
+def _turned(profile: list[tuple[float, float]]) -> tuple[NDArray[np.float64], Faces]:
+    """Turn a profile, radius and z from below upwards, around z; equal neighbours make an edge."""
+    rings = len(profile)
+    angles = 2.0 * math.pi * np.arange(_SEGMENTS) / _SEGMENTS
+    radius, z = np.array(profile).T
+    vertices = np.stack(
+        (np.outer(radius, np.cos(angles)), np.outer(radius, np.sin(angles)), np.repeat(z[:, None], _SEGMENTS, axis=1)),
+        axis=2,
+    )
+    faces: list[tuple[int, int, int]] = []
+    for ring in range(rings - 1):
+        if profile[ring] == profile[ring + 1]:
+            continue
+        for segment in range(_SEGMENTS):
+            following = (segment + 1) % _SEGMENTS
+            a, b = ring * _SEGMENTS + segment, ring * _SEGMENTS + following
+            if profile[ring][0] > 1e-9:
+                faces.append((a, b, b + _SEGMENTS))
+            if profile[ring + 1][0] > 1e-9:
+                faces.append((a, b + _SEGMENTS, a + _SEGMENTS))
+    return vertices.reshape(-1, 3), np.array(faces, dtype=np.int32)
 
 
-def _sphere(size: NDArray[np.float64]) -> Surface:
-    return _ellipsoid(np.full(3, size[0]))
-
-
-def _cylinder(size: NDArray[np.float64]) -> Surface:
-    """Radius, half the height; wall and discs have vertices of their own, so that the edge stays sharp."""
-    radius, half = float(size[0]), float(size[1])
-    turns = np.linspace(0.0, 2.0 * math.pi, _SEGMENTS, endpoint=False)
-    circle = np.stack([radius * np.cos(turns), radius * np.sin(turns), np.zeros(_SEGMENTS)], axis=-1)
-    up = np.array([0.0, 0.0, half])
-    top, bottom = circle + up, circle - up
-    wall = np.concatenate([top, bottom])
-    discs = [np.concatenate([[[0.0, 0.0, half]], top]), np.concatenate([[[0.0, 0.0, -half]], bottom])]
-    around = [(0, 1 + one, 1 + (one + 1) % _SEGMENTS) for one in range(_SEGMENTS)]
-    upper = np.array(around)
-    return _together([(wall, np.array(_band())), (discs[0], upper), (discs[1], upper[:, ::-1])])
-
-
-def _box(size: NDArray[np.float64]) -> Surface:
-    """Half its lengths; each side has vertices of its own."""
-    sides = []
+def _box(half_sizes: NDArray[np.float64]) -> tuple[NDArray[np.float64], Faces]:
+    vertices: list[NDArray[np.float64]] = []
+    faces: list[tuple[int, int, int]] = []
     for axis in range(3):
-        for sign in (1.0, -1.0):
-            corners = np.zeros((4, 3))
-            corners[:, axis] = sign
-            corners[:, (axis + 1) % 3] = (-1.0, 1.0, 1.0, -1.0)
-            corners[:, (axis + 2) % 3] = (-1.0, -1.0, 1.0, 1.0)
-            faces = np.array(_QUAD)
-            sides.append((corners * size, faces if sign > 0.0 else faces[:, ::-1]))
-    return _together(sides)
+        for sign in (-1.0, 1.0):
+            first = len(vertices)
+            for u, v in _BOX_CORNERS:
+                corner = np.zeros(3)
+                corner[axis], corner[(axis + 1) % 3], corner[(axis + 2) % 3] = sign, sign * u, v
+                vertices.append(corner * half_sizes)
+            faces += [(first, first + 1, first + 2), (first, first + 2, first + 3)]
+    return np.array(vertices), np.array(faces, dtype=np.int32)
 
 
-def _band() -> list[tuple[int, int, int]]:
-    """Triangles between a circle and the one below it, seen from outside."""
-    faces = []
-    for one in range(_SEGMENTS):
-        following = (one + 1) % _SEGMENTS
-        faces += [(one, _SEGMENTS + one, _SEGMENTS + following), (one, _SEGMENTS + following, following)]
-    return faces
-
-
-def _together(surfaces: list[Surface]) -> Surface:
-    before = np.cumsum([0, *(len(vertices) for vertices, _ in surfaces)])
-    faces = [faces + offset for (_, faces), offset in zip(surfaces, before[:-1], strict=True)]
-    return np.concatenate([vertices for vertices, _ in surfaces]), np.concatenate(faces)
-
-
-def _merged(surfaces: list[Surface]) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    vertices, faces = _together(surfaces)
-    return vertices.astype(np.float32), faces.astype(np.int32)
-
-
-_SHAPES: Final[Mapping[str, Callable[[NDArray[np.float64]], Surface]]] = {
-    "mjGEOM_SPHERE": _sphere,
-    "mjGEOM_ELLIPSOID": _ellipsoid,
-    "mjGEOM_CYLINDER": _cylinder,
-    "mjGEOM_BOX": _box,
-}
+def _joined(pieces: list[tuple[Vertices, Faces]]) -> tuple[Vertices, Faces]:
+    firsts = np.cumsum([0, *(len(vertices) for vertices, _ in pieces[:-1])])
+    vertices = np.concatenate([vertices for vertices, _ in pieces])
+    faces = np.concatenate([faces + first for (_, faces), first in zip(pieces, firsts, strict=True)]).astype(np.int32)
+    for array in (vertices, faces):
+        array.setflags(write=False)
+    return vertices, faces

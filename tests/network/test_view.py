@@ -104,8 +104,9 @@ def test_the_arm_is_drawn_where_the_state_packet_says(station: Station, operated
     operated.wait_ms(400)
     state = station.state()
     assert state.measured_position[1] > math.radians(31.0)
-    # Cylinders are alike: the first is the foot of the base, whose frame is the robot base, the last is the flange.
-    foot, *_, flange = operated.drawn(len(visual_parts(ROBOT)[-1].vertices))
+    # Parts may have as many vertices as others: the base is drawn first, the last link last.
+    parts = visual_parts(ROBOT)
+    foot, flange = operated.drawn(len(parts[0].vertices))[0], operated.drawn(len(parts[-1].vertices))[-1]
     link_in_base = np.linalg.inv(matrix(foot)) @ matrix(flange)
     drawn = link_in_base @ [*flange_in_last_link(), 1.0]
     assert drawn[:3] == pytest.approx(state.flange_in_base.position_m, abs=1e-3)
