@@ -186,7 +186,7 @@ class Jogger:
             now = self._forward(seven(client.read_state().commanded_position)) @ frame_in_flange
             done = start.angle_rad(now) if turns else start.distance_m(now)
             gone = min(gone + speed * seconds, done + speed * _AHEAD_S)
-            runtime.set_destination(_moved(start, key, key.sign * gone))
+            runtime.set_destination(moved(start, key, key.sign * gone))
         motion.stop_motion()
 
     def _steps(self) -> Iterator[float]:
@@ -204,7 +204,7 @@ def _fastest_rad_s(lever_mm: float) -> float:
     return min(FASTEST_RAD_S, FASTEST_MM_S / lever_mm) if lever_mm > 0.0 else FASTEST_RAD_S
 
 
-def _moved(start: Pose, key: JogKey, by: float) -> Pose:
+def moved(start: Pose, key: JogKey, by: float) -> Pose:
     """Return ``start`` moved by m or rad in a direction of its own, or of the base."""
     if key.number < 3:
         shift = _along(key.number, by)

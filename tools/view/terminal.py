@@ -18,6 +18,7 @@ from rich.text import Text
 
 from backends.robots import load_description
 from hil.client.pad import RobotState
+from hil.core.settings import T1_SPEED_LIMIT_MM_S
 from hil.values.operator import ProgramState
 from hil.values.robot import JOINT_NAMES, JointLimits
 from hil.values.servo import Snapshot
@@ -25,7 +26,6 @@ from tools.view.bars import gauge, mark, sparkline
 from tools.view.drawing import ArmNow, DrawnRobot
 from tools.view.watch import Latency, Message, Watch
 
-T1_LIMIT_MM_S: Final = 250.0
 NO_PAD: Final = "not known without the controller's pad"
 _SIDE_BY_SIDE: Final = 66
 """Columns a robot needs beside another one."""
@@ -257,7 +257,7 @@ def _pose(snapshot: Snapshot) -> Lines:
 
 def _speed(snapshot: Snapshot, pad: RobotState | None, width: int) -> Lines:
     speed, in_t1 = snapshot.flange_speed_mm_s, snapshot.operator.mode.name == "T1"
-    share = speed / T1_LIMIT_MM_S
+    share = speed / T1_SPEED_LIMIT_MM_S
     most = 0.0 if pad is None else max(_used(pad, "T1, commanded"), _used(pad, "T1, measured"))
     style = "cyan"
     if in_t1:

@@ -20,6 +20,7 @@ from tools.view.sources import Source, Sources
 STATE_PERIOD_MS: Final = 20
 PAD_PERIOD_S: Final = 0.2
 RETRY_S: Final = 0.5
+CONNECT_TIMEOUT_S: Final = 5.0
 _OBSERVER_WATCHDOG_MS: Final = 1000
 _MESSAGES: Final = 50
 _LATENCIES: Final = 300
@@ -46,9 +47,15 @@ class Latency(NamedTuple):
 class Watch:
     """Watches from ``open`` (or ``with``) to ``close``; any thread may ask."""
 
-    def __init__(self, sources: Sources, *, name: str = "hil view", period_ms: int = STATE_PERIOD_MS) -> None:
-        self._name = name
-        self._period_ms = period_ms
+    def __init__(
+        self,
+        sources: Sources,
+        *,
+        name: str = "hil view",
+        period_ms: int = STATE_PERIOD_MS,
+        connect_timeout_s: float = CONNECT_TIMEOUT_S,
+    ) -> None:
+        self._observers = _Observers(name, period_ms, connect_timeout_s)
         self._take(sources)
 
     def __enter__(self) -> Self:
@@ -62,12 +69,12 @@ class Watch:
 
     def _take(self, sources: Sources) -> None:
         self.sources = sources
-        self._robots = [_Robot(source, name=self._name, period_ms=self._period_ms) for source in sources.robots]
+        self._robots = [_Robot(source, self._observers) for source in sources.robots]
         self._pad = None if sources.pad is None else _Pad(sources.pad)
 
     def renew(self, sources: Sources) -> None:
         """Watch others from now on; raises as :meth:`open` does, and then goes on with those before."""
-        new = Watch(sources, name=self._name, period_ms=self._period_ms)
+        new = Watch(sources, **self._observers._asdict())
         new.open()
         self.close()
         self.sources, self._robots, self._pad = sources, new._robots, new._pad
@@ -119,6 +126,14 @@ class Watch:
         return () if self._pad is None else tuple(self._pad.latencies.get(robot, ()))
 
 
+class _Observers(NamedTuple):
+    """What all observers of a watch have in common."""
+
+    name: str
+    period_ms: int
+    connect_timeout_s: float
+
+
 class _Thread:
     """A loop in a thread, which ends when it is told to."""
 
@@ -157,12 +172,11 @@ class _Thread:
 
 
 class _Robot(_Thread):
-    def __init__(self, source: Source, *, name: str, period_ms: int) -> None:
+    def __init__(self, source: Source, observers: "_Observers") -> None:
         super().__init__(f"watches {source.name or source.address}")
         self.source = source
         self.now = ArmNow(None, "it was not met yet")
-        self._period_ms = period_ms
-        self._name = name
+        self._observers = observers
         self._client: ServoClient | None = None
         self._drawn: DrawnRobot | None = None
 
@@ -183,9 +197,10 @@ class _Robot(_Thread):
         key = None if self.source.key_file is None else load_key(self.source.key_file)
         client = ServoClient(
             self.source.address,
-            name=self._name,
+            name=self._observers.name,
             role=Role.OBSERVER,
-            state_period_ms=self._period_ms,
+            state_period_ms=self._observers.period_ms,
+            connect_timeout_s=self._observers.connect_timeout_s,
             watchdog_ms=_OBSERVER_WATCHDOG_MS,
             key=key,
         )

@@ -6,6 +6,7 @@ from html import escape
 from typing import Final
 
 from hil.client.pad import RobotState
+from hil.core.settings import T1_SPEED_LIMIT_MM_S
 from hil.values.operator import ProgramState
 from hil.values.pose import Pose
 from hil.values.robot import JOINT_NAMES, JointLimits
@@ -14,7 +15,6 @@ from tools.view.connection import Row
 from tools.view.drawing import ArmNow
 from tools.view.watch import Message
 
-T1_LIMIT_MM_S: Final = 250.0
 _GOOD, _NEAR, _BAD, _PLAIN = "#2f9e44", "#f08c00", "#e03131", "#868e96"
 _NEAR_SHARE: Final = 0.8
 _NEAR_END_DEG: Final = 10.0
@@ -89,7 +89,7 @@ def pose_card(title: str, pose: Pose) -> str:
 def speed_card(snapshot: Snapshot, pad: RobotState | None) -> str:
     """Return the flange's speed against T1's limit, and the most that was used of it in this run."""
     speed = snapshot.flange_speed_mm_s
-    share = speed / T1_LIMIT_MM_S
+    share = speed / T1_SPEED_LIMIT_MM_S
     most = 0.0 if pad is None else max(_used(pad, "T1, commanded"), _used(pad, "T1, measured"))
     colour = _BAD if share > 1.0 else _NEAR if share > _NEAR_SHARE else _GOOD
     at = f"position:absolute;left:{100 * min(most, 1.0):.1f}%;top:0;bottom:0;width:2px;background:#212529"
@@ -99,7 +99,7 @@ def speed_card(snapshot: Snapshot, pad: RobotState | None) -> str:
         f"<div style='height:100%;width:{100 * min(share, 1.0):.1f}%;background:{colour}'></div>{mark}</div>"
     )
     margin = f"margin so far {max(0.0, 1.0 - most):.0%}" if most else "nothing moved in T1 yet"
-    head = f"flange <b data-hil='speed'>{speed:.0f}</b> mm/s, T1: {T1_LIMIT_MM_S:g} mm/s, {margin}"
+    head = f"flange <b data-hil='speed'>{speed:.0f}</b> mm/s, T1: {T1_SPEED_LIMIT_MM_S:g} mm/s, {margin}"
     return _box(f"<div style='font-size:0.85em'>{head}</div>{gauge}")
 
 
