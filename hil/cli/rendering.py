@@ -71,7 +71,8 @@ def rendering(
         with Watch(from_pad(socket), name="hil rendering") as watch:
             _say(f"loading {connection.scene} in CoppeliaSim at {renderer.link.address}")
             connection.load_scene()
-            for robot, device in wanted:
+            # All are free first, so that two may change places.
+            for robot, device in (*((robot, "") for robot, _ in wanted), *wanted):
                 connection.assign(robot, device)
             if not any(row.device for row in connection.rows()):
                 raise UsageError(

@@ -79,6 +79,7 @@ def connection(renderer: Drawn, station: Station) -> RenderingConnection:
 
 def led_to(state: State, tmp_path: Path, renderer: Drawn | None = None) -> RenderingConnection:
     """Return a connection in ``state``."""
+    (tmp_path / "cell.toml").touch()
     one = connection(renderer or Drawn("/arm", "/other"), Station("left", "right"))
     for reached in list(State)[1 : list(State).index(state) + 1]:
         if reached is State.STATION:
@@ -177,6 +178,13 @@ def test_the_choices_are_kept_with_the_station(tmp_path: Path) -> None:
     again.load_scene()
     again.start_live_view()
     assert renderer.told == ["load cell.ttt for left right", "start {'left': '/arm'}"]
+
+
+def test_nothing_is_kept_beside_a_station_that_is_no_file(tmp_path: Path) -> None:
+    one = connection(Drawn("/arm"), Station("left"))
+    one.select_station(tmp_path / "cell.toml")
+    one.select_scene("cell.ttt")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_lost_robot_says_so_in_its_row_and_is_drawn_so(tmp_path: Path) -> None:
