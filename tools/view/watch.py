@@ -272,4 +272,6 @@ class _Pad(_Thread):
 
     def _lost(self, why: str) -> None:
         self.shown = {}
-        self.messages.append(Message("", self.messages[-1].at_s if self.messages else 0.0, why))
+        last = self.messages[-1] if self.messages else Message("", 0.0, "")
+        if last.text != why:
+            self.messages.append(Message("", last.at_s, why))
