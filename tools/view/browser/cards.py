@@ -7,6 +7,7 @@ from typing import Final
 
 from hil.client.pad import RobotState
 from hil.core.settings import T1_SPEED_LIMIT_MM_S
+from hil.values.fri import OperationMode
 from hil.values.operator import ProgramState
 from hil.values.pose import Pose
 from hil.values.robot import JOINT_NAMES, JointLimits
@@ -38,9 +39,10 @@ def status_card(robot: str, now: ArmNow, pad: RobotState | None) -> str:
     badges = [
         _badge(view.mode.name, "#1971c2"),
         _badge(view.program.name.replace("_", " "), _PROGRAM_COLOURS[view.program]),
-        _badge("enabled" if view.enabling else "not enabled", _GOOD if view.enabling else _PLAIN),
         _badge(f"{view.override_percent:g} %", _PLAIN),
     ]
+    if view.mode is not OperationMode.AUT:
+        badges.insert(2, _badge("enabled" if view.enabling else "not enabled", _GOOD if view.enabling else _PLAIN))
     if view.permissive:
         badges.append(_badge("PERMISSIVE", _BAD))
     lines = [_line(view.reason, _BAD)] if view.reason else []

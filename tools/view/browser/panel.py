@@ -29,7 +29,7 @@ _PLOTS: Final = {
     "cycle_ms": ("control cycle began late by, ms", "#e8590c"),
 }
 """What is plotted of a robot's times: title and colour."""
-_WIDTH_PX: Final = 400
+_WIDTH_PX: Final = 440
 _RED: Final = "red"
 
 
