@@ -5,10 +5,20 @@ of the table enters as it stands; only centres of mass are moved to the body's o
 elements alone: geoms weigh nothing, collide with nothing, and are there to be looked at.
 """
 
+import math
 from xml.etree import ElementTree as ET
 
 from backends.robots.facts import GRAVITY_M_S2, JOINT_AXES, LinkInertia, RobotFacts
-from backends.robots.shells import Mesh, Side, carried_shell, pedestal, rising_shell
+from backends.robots.shells import (
+    BARREL_DEPTH,
+    Mesh,
+    Point,
+    Side,
+    carried_shell,
+    rising_shell,
+    rounded_block,
+    turned,
+)
 from hil.values.robot import JOINT_COUNT, JOINT_NAMES, Three
 
 TIMESTEP_S = 0.001
@@ -20,19 +30,21 @@ _HEADER = (
 )
 
 # What follows is the look of the arm: metres, by eye, ours.
-_FOOT_RADIUS_M = 0.105
 _RING_RADII_M = (0.084, 0.072, 0.064, 0.046)
 """Of the rings at A1, A3, A5, A7."""
 _ELBOW_RADII_M = (0.090, 0.078, 0.066)
-"""Of the discs at A2, A4, A6."""
-_DOME_DEPTH = 1.2
-"""Depth of the housings at A2, A4, A6 along the axis, in radii of the disc."""
+"""Of the barrels at A2, A4, A6."""
 _SIDES = (Side.RIGHT, Side.LEFT, Side.LEFT, Side.RIGHT, Side.RIGHT, Side.LEFT)
 """The side links 1 to 6 lean to: that of their centre of mass."""
+_LID_RADIUS = 0.74
+"""Of the lids of the barrels, in radii of the barrel."""
+_LID_LEFT, _LID_RIGHT = "0.70710678 -0.70710678 0 0", "0.70710678 0.70710678 0 0"
+"""Turns that lay z along +y and along -y."""
 _FLANGE_RADIUS_M = 0.0315
-_FLANGE_DEPTH_M = 0.012
-_SEAM_M = 0.003
-"""Half the width of an accent ring, and how far it stands out."""
+_FLANGE_DEPTH_M = 0.006
+_MEDIA_DEPTH_M = 0.016
+_SEAM_M = 0.0012
+"""How far an accent ring stands out."""
 
 
 def mjcf_text(facts: RobotFacts) -> str:
@@ -55,7 +67,7 @@ def mjcf_text(facts: RobotFacts) -> str:
 def _add_bodies(world: ET.Element, facts: RobotFacts) -> None:
     """The base, which is part of the world, and the chain of seven links with the flange at its end."""
     heights = facts.joint_heights_m
-    _add_base_look(world, heights[0])
+    _add_base_look(world)
     parent, parent_height = world, 0.0
     for index, (link, height) in enumerate(zip(facts.links, heights, strict=True)):
         rise = round(height - parent_height, 9)
@@ -108,14 +120,24 @@ def _add_assets(root: ET.Element, facts: RobotFacts) -> None:
     """Colours, and the meshes of the base and of links 1 to 6."""
     asset = ET.SubElement(root, "asset")
     for name, colour, shine in (
-        ("shell", "0.90 0.91 0.92 1", "0.5"),
-        ("cap", "0.74 0.75 0.77 1", "0.6"),
+        ("shell", "0.93 0.94 0.95 1", "0.5"),
+        ("cap", "0.80 0.81 0.83 1", "0.6"),
         ("accent", "0.96 0.45 0.10 1", "0.3"),
         ("dark", "0.20 0.20 0.22 1", "0.6"),
+        ("steel", "0.62 0.64 0.67 1", "0.7"),
     ):
         ET.SubElement(asset, "material", name=name, rgba=colour, specular=shine, shininess=shine)
     heights = facts.joint_heights_m
-    _add_mesh(asset, "base", pedestal(heights[0], _FOOT_RADIUS_M, _RING_RADII_M[0]))
+    _add_mesh(asset, "base", turned(_pedestal(heights[0])))
+    _add_mesh(asset, "foot", turned([(0.110, 0.0), (0.110, 0.006), (0.108, 0.008)]))
+    _add_mesh(asset, "connectors", rounded_block((-0.168, -0.066, 0.004), (-0.04, 0.066, 0.096), 0.014))
+    _add_mesh(asset, "flange", turned([(_FLANGE_RADIUS_M, -_FLANGE_DEPTH_M), (_FLANGE_RADIUS_M, 0.0)]))
+    drum = facts.flange_height_m - heights[-1] - _FLANGE_DEPTH_M - _MEDIA_DEPTH_M
+    ring = _RING_RADII_M[3]
+    _add_mesh(asset, "drum", turned([(ring, 0.0), (ring, drum - 0.002), (ring - 0.002, drum)]))
+    _add_mesh(asset, "media", turned(_media(ring - 0.003)))
+    for number, elbow in enumerate(_ELBOW_RADII_M):
+        _add_mesh(asset, f"lid_{number + 1}", turned(_lid(_LID_RADIUS * elbow)))
     for index, side in enumerate(_SIDES):
         rise = heights[index + 1] - heights[index]
         elbow = _ELBOW_RADII_M[index // 2]
@@ -126,63 +148,83 @@ def _add_assets(root: ET.Element, facts: RobotFacts) -> None:
         _add_mesh(asset, f"link_{index + 1}", mesh)
 
 
+def _pedestal(height_m: float) -> list[Point]:
+    """Outline of the base: a shoulder above the foot, then narrower up to the ring of A1."""
+    top = _RING_RADII_M[0]
+    straight, share = 0.3 * height_m, 1.0 / 6.0
+    outline = [(0.104, 0.008), (0.104, straight)]
+    for step in range(1, 7):
+        t = step * share
+        outline.append((0.104 + t * t * (3.0 - 2.0 * t) * (top - 0.104), straight + t * (0.86 * height_m - straight)))
+    return [*outline, (top, height_m)]
+
+
+def _lid(radius_m: float) -> list[Point]:
+    """Outline of a lid, its edge at z = 0: sunk into the barrel, with a rounded edge and a face a little domed."""
+    edge = 0.004
+    rounding = [
+        (radius_m - edge + edge * math.cos(angle), edge * (math.sin(angle) - 1.0))
+        for angle in (0.0, math.pi / 8.0, math.pi / 4.0, 3.0 * math.pi / 8.0)
+    ]
+    return [(radius_m, -0.4 * radius_m), *rounding, (0.8 * radius_m, 0.0004), (0.4 * radius_m, 0.0016), (0.0, 0.002)]
+
+
+def _media(radius_m: float) -> list[Point]:
+    """Outline of the media flange, its upper face at z = 0, with a groove around it."""
+    low, high = -_MEDIA_DEPTH_M, -0.0015
+    return [(radius_m, low), (radius_m, high), (radius_m, high), (radius_m - 0.0015, 0.0)]
+
+
 def _add_mesh(asset: ET.Element, name: str, mesh: Mesh) -> None:
     vertices = _text(*(value for vertex in mesh.vertices for value in vertex))
     faces = " ".join(str(value) for face in mesh.faces for value in face)
     ET.SubElement(asset, "mesh", name=name, inertia="shell", vertex=vertices, face=faces)
 
 
-def _add_base_look(world: ET.Element, height_m: float) -> None:
-    """The pedestal, the plate it stands on, and the box of the connectors behind it."""
-    _add_shell(world, "base")
-    _add_cylinder(world, "dark", _FOOT_RADIUS_M + 0.004, (0.0, 0.0, 0.0), (0.0, 0.0, 0.010))
-    box_height = height_m / 4.0
-    ET.SubElement(
-        world,
-        "geom",
-        type="box",
-        size=_text(0.04, 0.062, box_height),
-        pos=_text(-0.085, 0.0, box_height),
-        material="cap",
-    )
+def _add_base_look(world: ET.Element) -> None:
+    """The foot plate, the pedestal, and the housing of the connectors behind it with its panel."""
+    _add_shape(world, "dark", "foot")
+    _add_shape(world, "shell", "base")
+    _add_shape(world, "shell", "connectors")
+    ET.SubElement(world, "geom", type="box", size="0.001 0.05 0.032", pos="-0.1685 0 0.046", material="dark")
+    for y, z in ((-0.028, 0.056), (0.0, 0.056), (0.028, 0.056), (-0.022, 0.03), (0.022, 0.03)):
+        _add_cylinder(world, "cap", 0.010, (-0.168, y, z), (-0.173, y, z))
 
 
 def _add_link_look(body: ET.Element, facts: RobotFacts, index: int) -> None:
-    """Shell, accent ring, and where the link covers half of an even joint, that joint's housing and cap."""
+    """Shell, accent ring, and the lid of the half barrel that the link has around an even joint."""
     heights = facts.joint_heights_m
     if index == JOINT_COUNT - 1:
         _add_flange_look(body, facts.flange_height_m - heights[index])
         return
-    _add_shell(body, f"link_{index + 1}")
-    elbow, sign = _ELBOW_RADII_M[index // 2], float(_SIDES[index].value)
+    _add_shape(body, "shell", f"link_{index + 1}")
+    elbow, side = _ELBOW_RADII_M[index // 2], _SIDES[index]
     if index % 2 == 0:
         ring = _RING_RADII_M[index // 2] + _SEAM_M
-        _add_cylinder(body, "accent", ring, (0.0, 0.0, -_SEAM_M), (0.0, 0.0, _SEAM_M))
+        _add_cylinder(body, "accent", ring, (0.0, 0.0, -0.002), (0.0, 0.0, 0.002))
         z = round(heights[index + 1] - heights[index], 9)
     else:
         z = 0.0
-        _add_cylinder(body, "accent", elbow + _SEAM_M, (0.0, -_SEAM_M, z), (0.0, _SEAM_M, z))
-    _add_dome(body, elbow, z)
-    _add_cylinder(body, "cap", 0.5 * elbow, (0.0, 0.0, z), (0.0, sign * (_DOME_DEPTH + 0.15) * elbow, z))
+        _add_cylinder(body, "dark", elbow + 0.0005, (0.0, -0.0012, z), (0.0, 0.0012, z))
+    depth = side.value * BARREL_DEPTH * elbow
+    turn = _LID_LEFT if side is Side.LEFT else _LID_RIGHT
+    _add_shape(body, "cap", f"lid_{index // 2 + 1}", pos=_text(0.0, round(depth, 6), z), quat=turn)
+    inside = depth - side.value * 0.020
+    radius = _LID_RADIUS * elbow + 0.002
+    _add_cylinder(body, "accent", radius, (0.0, inside, z), (0.0, depth - side.value * 0.008, z))
 
 
 def _add_flange_look(body: ET.Element, length_m: float) -> None:
-    """The last link: a short drum, and the dark flange whose face is the flange frame's plane."""
-    drum, plate = length_m - _FLANGE_DEPTH_M, _RING_RADII_M[3]
-    _add_cylinder(body, "accent", plate + _SEAM_M, (0.0, 0.0, -_SEAM_M), (0.0, 0.0, _SEAM_M))
-    _add_cylinder(body, "shell", plate, (0.0, 0.0, 0.0), (0.0, 0.0, drum))
-    _add_cylinder(body, "dark", _FLANGE_RADIUS_M, (0.0, 0.0, drum), (0.0, 0.0, length_m))
+    """The last link: a short drum, the media flange, and the face whose plane is the flange frame's."""
+    _add_cylinder(body, "accent", _RING_RADII_M[3] + _SEAM_M, (0.0, 0.0, -0.002), (0.0, 0.0, 0.002))
+    _add_shape(body, "shell", "drum")
+    face = round(length_m, 9)
+    _add_shape(body, "dark", "media", pos=_text(0.0, 0.0, round(face - _FLANGE_DEPTH_M, 9)))
+    _add_shape(body, "steel", "flange", pos=_text(0.0, 0.0, face))
 
 
-def _add_shell(body: ET.Element, mesh: str) -> None:
-    ET.SubElement(body, "geom", type="mesh", mesh=mesh, material="shell")
-
-
-def _add_dome(body: ET.Element, radius_m: float, height_m: float) -> None:
-    """The housing of an even joint: an ellipsoid around its axis, y. Its other half is the neighbour's."""
-    radii = (radius_m, _DOME_DEPTH * radius_m, radius_m)
-    size = _text(*(round(value, 6) for value in radii))
-    ET.SubElement(body, "geom", type="ellipsoid", size=size, pos=_text(0.0, 0.0, height_m), material="shell")
+def _add_shape(body: ET.Element, material: str, mesh: str, **where: str) -> None:
+    ET.SubElement(body, "geom", {"type": "mesh", "mesh": mesh, "material": material, **where})
 
 
 def _add_cylinder(body: ET.Element, material: str, radius_m: float, start: Three, end: Three) -> None:

@@ -1,27 +1,33 @@
 """The look of the arm: its shells as small triangle meshes, drawn by us from the kinematics alone.
 
 Every shell between an odd axis (along the arm) and an even axis (across it) is one bent tube. It starts as a
-circle around the odd axis, leans out to one side, and comes back to meet the next shell in the plane of the even
-joint, where each of the two covers its own half. This gives the arm its alternating side-offset elbows.
-Radii are ours, taken by eye from photographs; they enter no computation.
+circle around the odd axis, leans out to one side, and ends in half of the barrel around the even axis, whose other
+half is the next shell's. This gives the arm its alternating side-offset elbows. Round lids close the barrels.
+Sizes are ours, taken by eye from photographs; they enter no computation.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from itertools import pairwise
 
 Point = tuple[float, float]
-"""y and z, m: all spines lie in the plane x = 0."""
+"""y and z of a bent tube, which lies in the plane x = 0; or radius and z of something turned; m."""
+Corner = tuple[float, float, float]
 
-_SECTIONS = 12
-_SEGMENTS = 24
-_DECIMALS = 4
+_SEGMENTS = 32
+_BARREL_RINGS = 8
+_TUBE_RINGS = 9
+_ROUNDING = 5
+_DECIMALS = 5
 
-_REACH = 0.85
-"""How far the spine's handle points out of the joint plane, in elbow radii: an elbow about as deep as round."""
-_STRAIGHT = 0.25
-"""Share of a shell's height after which its spine is nearly upright."""
+_FULLNESS = 3.0
+"""Exponent of the superellipse that the outline of a barrel is: 2 is an ellipse, more is more of a cylinder."""
+_BARREL_SHARE = 0.12
+"""Share of the inner outline that belongs to the barrel."""
+
+BARREL_DEPTH = 1.12
+"""From the plane of the even joint to the end of the barrel, in its radii."""
 
 
 class Side(Enum):
@@ -33,86 +39,148 @@ class Side(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
-    """A closed surface: vertices in m in the body's frame, triangles counter-clockwise seen from outside."""
+    """A closed surface: vertices in m in the body's frame, triangles counter-clockwise seen from outside.
 
-    vertices: tuple[tuple[float, float, float], ...]
+    At a sharp edge vertices stand twice, so that each side keeps its own normals.
+    """
+
+    vertices: tuple[Corner, ...]
     faces: tuple[tuple[int, int, int], ...]
 
 
 def carried_shell(height_m: float, elbow_radius_m: float, ring_radius_m: float, side: Side) -> Mesh:
     """Shell of an even body: from its own joint at z = 0 up to the odd axis' ring at ``height_m``."""
-    reach = side.value * _REACH * elbow_radius_m
-    spine = ((0.0, 0.0), (reach, 0.0), (0.0, _STRAIGHT * height_m), (0.0, height_m))
-    return _tube(spine, elbow_radius_m, ring_radius_m)
+    left = _loft(_bent_tube(height_m, elbow_radius_m, ring_radius_m))
+    return left if side is Side.LEFT else _mirrored([(x, -y, z) for x, y, z in left.vertices], left)
 
 
 def rising_shell(height_m: float, ring_radius_m: float, elbow_radius_m: float, side: Side) -> Mesh:
     """Shell of an odd body: from its own axis at z = 0 up to the even joint at ``height_m``."""
     upright = carried_shell(height_m, elbow_radius_m, ring_radius_m, side)
-    vertices = tuple(_rounded(x, y, height_m - z) for x, y, z in upright.vertices)
-    return Mesh(vertices, tuple((c, b, a) for a, b, c in upright.faces))
+    return _mirrored([(x, y, height_m - z) for x, y, z in upright.vertices], upright)
 
 
-def pedestal(height_m: float, foot_radius_m: float, ring_radius_m: float) -> Mesh:
-    """The base: a round foot that narrows to the ring of A1."""
-    spine = ((0.0, 0.0), (0.0, height_m / 3.0), (0.0, 2.0 * height_m / 3.0), (0.0, height_m))
-    return _tube(spine, foot_radius_m, ring_radius_m)
+def turned(profile: Sequence[Point], *, segments: int = _SEGMENTS) -> Mesh:
+    """A solid turned around z, from its outline (radius, z) from below upwards; a point given twice is an edge."""
+    rings = [[(r * c, r * s, z) for c, s in _circle(segments)] for r, z in profile]
+    return _loft(rings)
 
 
-def _tube(spine: tuple[Point, Point, Point, Point], start_radius_m: float, end_radius_m: float) -> Mesh:
-    """Circles swept along a cubic Bézier curve in the plane x = 0, closed with a disc at both ends.
+def rounded_block(low: Corner, high: Corner, radius_m: float) -> Mesh:
+    """A block between two corners; all its edges but those of its foot are rounded."""
+    rings = [_rounded_rectangle(low, high, radius_m, radius_m, low[2])]
+    for step in range(_ROUNDING + 1):
+        angle = 0.5 * math.pi * step / _ROUNDING
+        inset, rise = radius_m * (1.0 - math.cos(angle)), radius_m * (math.sin(angle) - 1.0)
+        rings.append(_rounded_rectangle(low, high, radius_m, radius_m - inset, high[2] + rise))
+    return _loft(rings, smooth_end=True)
 
-    The circles stand closer together near the start, where an elbow's spine turns.
+
+def _rounded_rectangle(low: Corner, high: Corner, radius_m: float, kept_m: float, z: float) -> list[Corner]:
+    """Rectangle with its corners rounded; ``radius_m - kept_m`` smaller all round."""
+    points: list[Corner] = []
+    middles = (
+        (high[0] - radius_m, high[1] - radius_m),
+        (low[0] + radius_m, high[1] - radius_m),
+        (low[0] + radius_m, low[1] + radius_m),
+        (high[0] - radius_m, low[1] + radius_m),
+    )
+    for quarter, (x, y) in enumerate(middles):
+        for step in range(_ROUNDING + 1):
+            angle = 0.5 * math.pi * (quarter + step / _ROUNDING)
+            points.append((x + kept_m * math.cos(angle), y + kept_m * math.sin(angle), z))
+    return points
+
+
+def _bent_tube(height_m: float, elbow_radius_m: float, ring_radius_m: float) -> list[list[Corner]]:
+    """Rings of a shell that leans to the left, from the plane of the even joint to the ring of the odd one.
+
+    Each is an ellipse that spans between a point of the outer outline (under the barrel, around its end, up the tube)
+    and one of the inner outline (from the rim of the barrel over the neighbour's to the back of the tube).
     """
-    vertices: list[tuple[float, float, float]] = []
-    for section in range(_SECTIONS + 1):
-        t = (section / _SECTIONS) ** 1.5
-        (y, z), (ty, tz) = _point(spine, t), _direction(spine, t)
-        blend = t * t * (3.0 - 2.0 * t)
-        radius = start_radius_m + blend * (end_radius_m - start_radius_m)
-        for segment in range(_SEGMENTS):
-            angle = 2.0 * math.pi * segment / _SEGMENTS
-            across, along = radius * math.cos(angle), radius * math.sin(angle)
-            # The circle is spanned by x and by tangent × x = (0, tz, −ty).
-            vertices.append(_rounded(across, y + along * tz, z - along * ty))
-    start, end = len(vertices), len(vertices) + 1
-    vertices += [_rounded(0.0, *spine[0]), _rounded(0.0, *spine[3])]
-    return Mesh(tuple(vertices), tuple(_faces(start, end)))
+    depth, gap = BARREL_DEPTH * elbow_radius_m, height_m - elbow_radius_m
+    inner = (
+        (0.0, elbow_radius_m),
+        (-0.35 * ring_radius_m, elbow_radius_m + 0.12 * gap),
+        (-ring_radius_m, elbow_radius_m + 0.12 * gap),
+        (-ring_radius_m, height_m),
+    )
+    outer = (
+        (depth, 0.0),
+        (depth, 0.45 * height_m),
+        (ring_radius_m, 0.5 * height_m),
+        (ring_radius_m, height_m),
+    )
+    rings = []
+    for step in range(_BARREL_RINGS):
+        share = step / _BARREL_RINGS
+        angle = 0.5 * math.pi * share
+        below = (
+            depth * math.sin(angle) ** (2.0 / _FULLNESS),
+            -elbow_radius_m * math.cos(angle) ** (2.0 / _FULLNESS),
+        )
+        rings.append(_ellipse(below, _bezier(inner, _BARREL_SHARE * share), elbow_radius_m))
+    for step in range(_TUBE_RINGS + 1):
+        share = step / _TUBE_RINGS
+        blend = share * share * (3.0 - 2.0 * share)
+        half_width = elbow_radius_m + blend * (ring_radius_m - elbow_radius_m)
+        above = _BARREL_SHARE + (1.0 - _BARREL_SHARE) * share
+        rings.append(_ellipse(_bezier(outer, share), _bezier(inner, above), half_width))
+    return rings
 
 
-def _faces(start: int, end: int) -> list[tuple[int, int, int]]:
-    """Triangles between neighbouring circles, and the two end discs around vertices ``start`` and ``end``."""
-    faces: list[tuple[int, int, int]] = []
-    last = _SECTIONS * _SEGMENTS
-    for segment in range(_SEGMENTS):
-        following = (segment + 1) % _SEGMENTS
-        for base in range(0, last, _SEGMENTS):
-            a, b = base + segment, base + following
-            faces += [(a, b, b + _SEGMENTS), (a, b + _SEGMENTS, a + _SEGMENTS)]
-        faces += [(start, following, segment), (end, last + segment, last + following)]
-    return faces
+def _ellipse(outer: Point, inner: Point, half_width_m: float) -> list[Corner]:
+    y, z = 0.5 * (outer[0] + inner[0]), 0.5 * (outer[1] + inner[1])
+    dy, dz = 0.5 * (outer[0] - inner[0]), 0.5 * (outer[1] - inner[1])
+    return [(half_width_m * c, y + s * dy, z + s * dz) for c, s in _circle(_SEGMENTS)]
 
 
-def _point(spine: tuple[Point, Point, Point, Point], t: float) -> Point:
-    """Point of the curve at ``t`` in 0 to 1."""
+def _circle(segments: int) -> list[Point]:
+    angles = (2.0 * math.pi * segment / segments for segment in range(segments))
+    return [(math.cos(angle), math.sin(angle)) for angle in angles]
+
+
+def _bezier(points: tuple[Point, Point, Point, Point], t: float) -> Point:
+    """Point of a cubic Bézier curve at ``t`` in 0 to 1."""
     u = 1.0 - t
     weights = (u * u * u, 3.0 * u * u * t, 3.0 * u * t * t, t * t * t)
-    y = math.fsum(w * p[0] for w, p in zip(weights, spine, strict=True))
-    z = math.fsum(w * p[1] for w, p in zip(weights, spine, strict=True))
-    return y, z
+    first = math.fsum(w * p[0] for w, p in zip(weights, points, strict=True))
+    second = math.fsum(w * p[1] for w, p in zip(weights, points, strict=True))
+    return first, second
 
 
-def _direction(spine: tuple[Point, Point, Point, Point], t: float) -> Point:
-    """Unit tangent of the curve at ``t`` in 0 to 1."""
-    u = 1.0 - t
-    weights = (u * u, 2.0 * u * t, t * t)
-    steps = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(spine)]
-    y = math.fsum(w * s[0] for w, s in zip(weights, steps, strict=True))
-    z = math.fsum(w * s[1] for w, s in zip(weights, steps, strict=True))
-    length = math.hypot(y, z)
-    return y / length, z / length
+def _loft(rings: list[list[Corner]], *, smooth_end: bool = False) -> Mesh:
+    """The surface over rings of equally many points, closed with a flat lid of its own edge at both ends."""
+    vertices = [point for ring in rings for point in ring]
+    count = len(rings[0])
+    faces: list[tuple[int, int, int]] = []
+    for number in range(len(rings) - 1):
+        if rings[number] == rings[number + 1]:
+            continue
+        for segment in range(count):
+            following = (segment + 1) % count
+            a, b = number * count + segment, number * count + following
+            faces += [(a, b, b + count), (a, b + count, a + count)]
+    for ring, upwards in ((rings[0], False), (rings[-1], True)):
+        if upwards and smooth_end:
+            first = (len(rings) - 1) * count
+        else:
+            first = len(vertices)
+            vertices += ring
+        middle = len(vertices)
+        x, y, z = (math.fsum(point[axis] for point in ring) / count for axis in range(3))
+        vertices.append((x, y, z))
+        for segment in range(count):
+            a, b = first + segment, first + (segment + 1) % count
+            faces.append((middle, a, b) if upwards else (middle, b, a))
+    rounded = tuple(_rounded(*vertex) for vertex in vertices)
+    return Mesh(rounded, tuple(face for face in faces if len({rounded[corner] for corner in face}) == 3))
 
 
-def _rounded(x: float, y: float, z: float) -> tuple[float, float, float]:
-    """A vertex to 0.1 mm, without negative zeros: the same text on every machine."""
+def _mirrored(vertices: list[Corner], mesh: Mesh) -> Mesh:
+    return Mesh(tuple(_rounded(*vertex) for vertex in vertices), tuple((c, b, a) for a, b, c in mesh.faces))
+
+
+def _rounded(x: float, y: float, z: float) -> Corner:
+    """A vertex to 0.01 mm, without negative zeros: the same text on every machine."""
     return round(x, _DECIMALS) + 0.0, round(y, _DECIMALS) + 0.0, round(z, _DECIMALS) + 0.0

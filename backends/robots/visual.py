@@ -1,6 +1,5 @@
 """The look of an arm as triangles, for renderers other than MuJoCo's: read from the very model that MuJoCo draws."""
 
-import math
 from functools import lru_cache
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -17,7 +16,6 @@ Vertices = NDArray[np.float32]
 Faces = NDArray[np.int32]
 
 _SEGMENTS: Final = 32
-_ROUNDINGS: Final = 12
 _BOX_CORNERS: Final = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 
 
@@ -78,36 +76,24 @@ def _triangles(model: "mujoco.MjModel", geom: int) -> tuple[NDArray[np.float64],
     if kind == mujoco.mjtGeom.mjGEOM_BOX:
         return _box(size)
     if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
-        radius, half = float(size[0]), float(size[1])
-        return _turned([(0.0, -half), (radius, -half), (radius, -half), (radius, half), (radius, half), (0.0, half)])
-    if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-        angles = [math.pi * (step / _ROUNDINGS - 0.5) for step in range(_ROUNDINGS + 1)]
-        vertices, faces = _turned([(math.cos(angle), math.sin(angle)) for angle in angles])
-        return vertices * size, faces
+        return _cylinder(float(size[0]), float(size[1]))
     raise NotImplementedError(f"a robot's description has a geom of the kind {kind.name}")
 
 
-def _turned(profile: list[tuple[float, float]]) -> tuple[NDArray[np.float64], Faces]:
-    """Turn a profile, radius and z from below upwards, around z; equal neighbours make an edge."""
-    rings = len(profile)
-    angles = 2.0 * math.pi * np.arange(_SEGMENTS) / _SEGMENTS
-    radius, z = np.array(profile).T
-    vertices = np.stack(
-        (np.outer(radius, np.cos(angles)), np.outer(radius, np.sin(angles)), np.repeat(z[:, None], _SEGMENTS, axis=1)),
-        axis=2,
-    )
+def _cylinder(radius_m: float, half_m: float) -> tuple[NDArray[np.float64], Faces]:
+    """Wall and two lids, each with vertices of its own."""
+    angles = 2.0 * np.pi * np.arange(_SEGMENTS) / _SEGMENTS
+    ring = np.stack((radius_m * np.cos(angles), radius_m * np.sin(angles), np.zeros(_SEGMENTS)), axis=1)
+    up = np.array((0.0, 0.0, half_m))
+    low, high = ring - up, ring + up
     faces: list[tuple[int, int, int]] = []
-    for ring in range(rings - 1):
-        if profile[ring] == profile[ring + 1]:
-            continue
-        for segment in range(_SEGMENTS):
-            following = (segment + 1) % _SEGMENTS
-            a, b = ring * _SEGMENTS + segment, ring * _SEGMENTS + following
-            if profile[ring][0] > 1e-9:
-                faces.append((a, b, b + _SEGMENTS))
-            if profile[ring + 1][0] > 1e-9:
-                faces.append((a, b + _SEGMENTS, a + _SEGMENTS))
-    return vertices.reshape(-1, 3), np.array(faces, dtype=np.int32)
+    for segment in range(_SEGMENTS):
+        following = (segment + 1) % _SEGMENTS
+        faces += [(segment, following, _SEGMENTS + following), (segment, _SEGMENTS + following, _SEGMENTS + segment)]
+    for segment in range(1, _SEGMENTS - 1):
+        first, second = 2 * _SEGMENTS, 3 * _SEGMENTS
+        faces += [(first, first + segment + 1, first + segment), (second, second + segment, second + segment + 1)]
+    return np.concatenate((low, high, low, high)), np.array(faces, dtype=np.int32)
 
 
 def _box(half_sizes: NDArray[np.float64]) -> tuple[NDArray[np.float64], Faces]:
