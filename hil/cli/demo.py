@@ -4,10 +4,10 @@ import json
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 from rich.console import Console
@@ -22,8 +22,11 @@ _SECONDS_WITH_VIEW = 120.0
 _SWING_WITH_VIEW = ("--amplitude", 0.15, "--frequency", 0.1)
 _PERIOD_MS = 2
 """Four processes, the writer of the capture is one, on two cores: at 1 ms a busy machine loses the budget too often."""
-_PERIOD_WITH_VIEW_MS = 5
-"""A browser that draws without a GPU takes a core for itself."""
+_PERIOD_WITH_VIEW_MS = 20
+"""A browser that draws without a GPU takes a core for itself, and two while it starts."""
+_ROBOT_SIDE = "robot side"
+_CONTROLLER = "controller"
+_HIL_RUN = ("-m", "hil.cli.main", "run")
 _LONGER_S = 10.0
 """What robot side and application have beside the controller's time, at most."""
 
@@ -42,11 +45,11 @@ def demo(  # noqa: PLR0917  # typer makes the options of the parameters; nobody 
 ) -> None:
     """Let a sample FRI client move axis 4 of a simulated arm by a sine, over UDP at 500 Hz, and show what happened.
 
-    The arm is a network peer behind FRI, as a Cabinet is; between it and the application stands the controller.
+    The arm is a network peer behind FRI, as a Cabinet is; between it and the application stands the controller. With
+    --view the arm is in the controller's process, and its client is told to answer every 20 ms.
     """
     from backends.registry import check_backend
     from backends.robots import load_description
-    from transport.udp import free_port
 
     load_description(robot)
     check_backend(backend)
@@ -56,44 +59,20 @@ def demo(  # noqa: PLR0917  # typer makes the options of the parameters; nobody 
         raise ConfigurationError(f"cannot make the folder {out}: {error.strerror}") from error
     status, capture, picture = out / "status.json", out / "run.pcapng", out / "run.png"
     console = Console()
-    robot_port, client_port = free_port("127.0.0.1"), free_port("127.0.0.1")
-    release = fri_version.value
-    seconds = seconds or (_SECONDS_WITH_VIEW if view else _SECONDS)
-    period_ms = _PERIOD_WITH_VIEW_MS if view else _PERIOD_MS
-    period = ("--cycle", period_ms, "--send-period", period_ms)
-    quiet = ("--servo", "off", "--pad", "off", "--progress", 0, *period)
-    seen = ("--servo", f"127.0.0.1:{free_port('127.0.0.1')}", "--progress", 0, *period, "--view")
-    swing = _SWING_WITH_VIEW if view else ()
-    commands = {
-        "robot side": [
-            *("-m", "hil.cli.main", "run", "--robot", robot, "--backend", backend, "--fri-version", release),
-            *("--fri-client", f"127.0.0.1:{robot_port}", *quiet, "--duration", seconds + _LONGER_S),
-            *("--status-json", out / "robot-side.json"),
-        ],
-        "controller": [
-            *("-m", "hil.cli.main", "run", "--robot", robot, "--backend", "cabinet", "-o", f"release={release}"),
-            *("-o", f"bind=127.0.0.1:{robot_port}", "--fri-version", release, "--fri-client"),
-            *(f"127.0.0.1:{client_port}", *(seen if view else quiet), "--duration", seconds, "--status-json", status),
-            *("--capture", capture),
-        ],
-        "application": [
-            *("-m", "apps.fri_joint_sine", "--fri-version", release, "--bind", "127.0.0.1"),
-            *("--port", client_port, "--seconds", seconds + _LONGER_S, "--json", out / "client.json", *swing),
-        ],
-    }
+    what = _Demo(out, robot, backend, fri_version.value, seconds or (_SECONDS_WITH_VIEW if view else _SECONDS))
+    commands = _seen(what) if view else _chained(what)
     for name, arguments in commands.items():
         console.print(f"{name + ':':12}python {' '.join(map(str, arguments))}", style="dim", soft_wrap=True)
     logs = {name: out / f"{name.replace(' ', '-')}.log" for name in commands}
-    with (
-        _process(commands["robot side"], logs["robot side"]) as robot_side,
-        _process(commands["application"], logs["application"]) as application,
-        _process(commands["controller"], logs["controller"]) as controller,
-    ):
-        _show_progress(controller, logs["controller"], seconds, console if view else None)
-        _expect_end(controller, "controller", logs["controller"])
-        _expect_end(application, "application", logs["application"])
-        robot_side.send_signal(signal.SIGINT)
-        _expect_end(robot_side, "robot side", logs["robot side"])
+    with ExitStack() as running:
+        processes = {name: running.enter_context(_process(commands[name], logs[name])) for name in commands}
+        controller = processes.pop(_CONTROLLER)
+        _show_progress(controller, logs[_CONTROLLER], what.seconds, console if view else None)
+        _expect_end(controller, _CONTROLLER, logs[_CONTROLLER])
+        for name, process in processes.items():
+            if name == _ROBOT_SIDE:
+                process.send_signal(signal.SIGINT)
+            _expect_end(process, name, logs[name])
 
     from hil.cli.summary import print_summary
     from tools.plot_run import plot_run
@@ -102,14 +81,80 @@ def demo(  # noqa: PLR0917  # typer makes the options of the parameters; nobody 
     with console.status("drawing"):
         plot_run(capture, figures, picture)
     print_summary(figures)
-    for file, what in (
+    of_robot_side = ("; robot-side.json: those of the robot side", "on both sides") if _ROBOT_SIDE in logs else ("", "")
+    for file, content in (
         (picture, "commanded and measured motion, session states, answer latency"),
-        (status, "all figures of the controller; robot-side.json: those of the robot side"),
-        (capture, "every packet of the controller, on both sides; open it with Wireshark"),
+        (status, f"all figures of the controller{of_robot_side[0]}"),
+        (
+            capture,
+            f"every packet of the controller{of_robot_side[1] and ', ' + of_robot_side[1]}; open it with Wireshark",
+        ),
         (out / "client.json", "what the application saw"),
-        (logs["controller"], "what the controller said; robot-side.log and application.log: the other two"),
+        (logs[_CONTROLLER], f"what the controller said; {_others(logs)}"),
     ):
-        console.print(f"  {file}  [dim]{what}[/dim]", highlight=False)
+        console.print(f"  {file}  [dim]{content}[/dim]", highlight=False)
+
+
+class _Demo(NamedTuple):
+    """What is demonstrated."""
+
+    out: Path
+    robot: str
+    backend: str
+    release: str
+    seconds: float
+
+
+def _chained(what: _Demo) -> dict[str, list[object]]:
+    """The arm is a network peer behind FRI."""
+    from transport.udp import free_port
+
+    robot_port, client_port = free_port("127.0.0.1"), free_port("127.0.0.1")
+    period = ("--cycle", _PERIOD_MS, "--send-period", _PERIOD_MS)
+    quiet = ("--servo", "off", "--pad", "off", "--progress", 0, *period)
+    robot_side = [
+        *(*_HIL_RUN, "--robot", what.robot, "--backend", what.backend, "--fri-version", what.release),
+        *("--fri-client", f"127.0.0.1:{robot_port}", *quiet, "--duration", what.seconds + _LONGER_S),
+        *("--status-json", what.out / "robot-side.json"),
+    ]
+    side = ("cabinet", "-o", f"release={what.release}", "-o", f"bind=127.0.0.1:{robot_port}")
+    return {
+        _ROBOT_SIDE: robot_side,
+        "application": _application(what, client_port),
+        _CONTROLLER: _controller(what, client_port, side, quiet),
+    }
+
+
+def _seen(what: _Demo) -> dict[str, list[object]]:
+    """The arm is in the controller's process, and the client has time to answer: a browser takes what it can get."""
+    from transport.udp import free_port
+
+    servo_port, client_port = free_port("127.0.0.1"), free_port("127.0.0.1")
+    options = ("--servo", f"127.0.0.1:{servo_port}", "--progress", 0, "--send-period", _PERIOD_WITH_VIEW_MS, "--view")
+    return {
+        "application": [*_application(what, client_port), *_SWING_WITH_VIEW],
+        _CONTROLLER: _controller(what, client_port, (what.backend,), options),
+    }
+
+
+def _controller(what: _Demo, client_port: int, backend: Sequence[object], options: Sequence[object]) -> list[object]:
+    return [
+        *(*_HIL_RUN, "--robot", what.robot, "--backend", *backend, "--fri-version", what.release),
+        *("--fri-client", f"127.0.0.1:{client_port}", *options, "--duration", what.seconds),
+        *("--status-json", what.out / "status.json", "--capture", what.out / "run.pcapng"),
+    ]
+
+
+def _application(what: _Demo, client_port: int) -> list[object]:
+    return [
+        *("-m", "apps.fri_joint_sine", "--fri-version", what.release, "--bind", "127.0.0.1", "--port", client_port),
+        *("--seconds", what.seconds + _LONGER_S, "--json", what.out / "client.json"),
+    ]
+
+
+def _others(logs: Mapping[str, Path]) -> str:
+    others = [log.name for name, log in logs.items() if name != _CONTROLLER]
+    return f"{' and '.join(others)}: the other{'s' if len(others) > 1 else ''}"
 
 
 @contextmanager
