@@ -99,6 +99,8 @@ def _size(text: str) -> tuple[int, int]:
 
 def _check_folder(out: Path) -> None:
     """Refuse what cannot be written before anything is drawn, or anybody asked."""
+    if out.suffix.lower() != ".png":
+        raise ConfigurationError(f"the picture is a PNG file, and {str(out)!r} does not end in .png")
     if out.is_dir():
         raise ConfigurationError(f"cannot write the picture {out}: that is a folder")
     if not out.parent.is_dir():

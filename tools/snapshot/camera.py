@@ -36,7 +36,7 @@ VIEWS: Final = {
     "left": View(90.0, 5.0),
     "back": View(180.0, 5.0),
     "right": View(-90.0, 5.0),
-    "top": View(180.0, 90.0),
+    "top": View(-90.0, 90.0),
 }
 
 

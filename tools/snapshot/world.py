@@ -28,11 +28,11 @@ class PictureWorld:
     def __init__(self, surroundings: Surroundings, positions_rad: Mapping[str, Seven]) -> None:
         """Put the robots of ``surroundings`` up; ``positions_rad`` by the name of the robot."""
         arms = surroundings.arms
+        starts = {arm.name: load_description(arm.model).initial_position_rad for arm in arms}
         self.model = build(arms, surroundings.objects, scene=_scene_file(arms))
         self.data = mujoco.MjData(self.model)
         for arm in arms:
-            position = positions_rad.get(arm.name, load_description(arm.model).initial_position_rad)
-            for joint, value in zip(JOINT_NAMES, position, strict=True):
+            for joint, value in zip(JOINT_NAMES, positions_rad.get(arm.name, starts[arm.name]), strict=True):
                 self.data.joint(prefix_of(arm.name) + joint).qpos[0] = value
         mujoco.mj_forward(self.model, self.data)
 
