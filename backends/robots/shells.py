@@ -23,6 +23,8 @@ _DECIMALS = 5
 
 _FULLNESS = 3.0
 """Exponent of the superellipse that the outline of a barrel is: 2 is an ellipse, more is more of a cylinder."""
+_NECK = 0.8
+"""Share of the height above the barrel in which the barrel's breadth becomes the tube's."""
 _BARREL_SHARE = 0.12
 """Share of the inner outline that belongs to the barrel."""
 
@@ -111,6 +113,13 @@ def _bent_tube(height_m: float, elbow_radius_m: float, ring_radius_m: float) -> 
         (ring_radius_m, 0.5 * height_m),
         (ring_radius_m, height_m),
     )
+    reach = elbow_radius_m + gap * _NECK
+
+    def section(below: Point, above: Point) -> list[Corner]:
+        middle = 0.5 * (below[1] + above[1]) / reach
+        chord = elbow_radius_m * math.sqrt(max(0.0, 1.0 - middle * middle))
+        return _ellipse(below, above, max(ring_radius_m, chord))
+
     rings = []
     for step in range(_BARREL_RINGS):
         share = step / _BARREL_RINGS
@@ -119,13 +128,11 @@ def _bent_tube(height_m: float, elbow_radius_m: float, ring_radius_m: float) -> 
             depth * math.sin(angle) ** (2.0 / _FULLNESS),
             -elbow_radius_m * math.cos(angle) ** (2.0 / _FULLNESS),
         )
-        rings.append(_ellipse(below, _bezier(inner, _BARREL_SHARE * share), elbow_radius_m))
+        rings.append(section(below, _bezier(inner, _BARREL_SHARE * share)))
     for step in range(_TUBE_RINGS + 1):
         share = step / _TUBE_RINGS
-        blend = share * share * (3.0 - 2.0 * share)
-        half_width = elbow_radius_m + blend * (ring_radius_m - elbow_radius_m)
         above = _BARREL_SHARE + (1.0 - _BARREL_SHARE) * share
-        rings.append(_ellipse(_bezier(outer, share), _bezier(inner, above), half_width))
+        rings.append(section(_bezier(outer, share), _bezier(inner, above)))
     return rings
 
 

@@ -48,6 +48,7 @@ def _add_commands(first: str) -> None:
             report,
             run,
             shadow,
+            snapshot,
             stand_in,
             step_response,
             top,
@@ -62,6 +63,7 @@ def _add_commands(first: str) -> None:
         app.command("rendering")(rendering.rendering)
         app.command("replay")(replay.replay)
         app.command("shadow")(shadow.shadow)
+        app.command("snapshot")(snapshot.snapshot)
         app.command("step-response")(step_response.step_response)
         app.command("can-drives")(can_drives.can_drives)
         app.command("conformance")(conformance.conformance)

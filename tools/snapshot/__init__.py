@@ -1,0 +1,1 @@
+"""``hil snapshot``: robots as a picture, drawn off screen."""
