@@ -17,6 +17,8 @@ from hil.client.servo import Role, ServoClient
 from tests.support.chromium import CHROMIUM, NO_CHROMIUM, Browser
 from tests.support.page import Page
 from tests.support.processes import finish, hil, own_host, wait_for_line
+from tools.view.browser.camera import FIELD_OF_VIEW_RAD, Camera, camera_for
+from tools.view.station_robots import station_robots
 from transport.udp import free_port
 
 pytestmark = [pytest.mark.alone, pytest.mark.skipif(CHROMIUM is None, reason=NO_CHROMIUM)]
@@ -117,7 +119,7 @@ def test_an_input_is_set(cell: Cell, page: Page) -> None:
 def test_a_push_with_the_mouse_is_felt(cell: Cell, page: Page) -> None:
     with ServoClient(f"{cell.host}:30300", role=Role.OBSERVER) as observer:
         flange = observer.read_state().flange_in_base.position_m
-        at = pixel(page, (flange[0], flange[1] + 0.4, flange[2]))
+        at = pixel(page, (flange[0], flange[1] + 0.4, flange[2]), camera_for(station_robots(cell.file)))
         page.move(at)
         page.press(at)
         for step in range(1, 9):
@@ -137,9 +139,9 @@ def felt(observer: ServoClient) -> tuple[float, ...]:
     return state.flange_force[:3]
 
 
-def pixel(page: Page, point: tuple[float, float, float]) -> tuple[float, float]:
+def pixel(page: Page, point: tuple[float, float, float], camera: Camera) -> tuple[float, float]:
     """Return where a point of the scene is on the page, from the camera that the page begins with."""
-    eye, target, field_deg = np.array([1.75, -1.55, 1.3]), np.array([0.0, 0.0, 0.5]), 45.0
+    eye, target = np.array(camera.position_m), np.array(camera.looks_at_m)
     width, height = page.opened.run(
         "(() => { const box = [...document.querySelectorAll('canvas')].map(one => one.getBoundingClientRect())"
         ".sort((a, b) => b.width - a.width)[0]; return [box.width, box.height]; })()"
@@ -149,7 +151,7 @@ def pixel(page: Page, point: tuple[float, float, float]) -> tuple[float, float]:
     sideways /= np.linalg.norm(sideways)
     upwards = np.cross(sideways, forward)
     away = np.array(point) - eye
-    scale = height / 2.0 / math.tan(math.radians(field_deg) / 2.0) / (away @ forward)
+    scale = height / 2.0 / math.tan(FIELD_OF_VIEW_RAD / 2.0) / (away @ forward)
     return float(width / 2.0 + scale * (away @ sideways)), float(height / 2.0 - scale * (away @ upwards))
 
 

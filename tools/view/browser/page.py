@@ -2,7 +2,6 @@
 
 import contextlib
 import io
-import math
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -14,6 +13,7 @@ import viser
 
 from hil.clock import MonotonicClock
 from hil.values.errors import EndpointError, HilError
+from tools.view.browser.camera import FIELD_OF_VIEW_RAD, camera_for
 from tools.view.browser.panel import Panel, tell
 from tools.view.browser.push import push_by_dragging
 from tools.view.browser.renderer import STATION_SCENE, BrowserRenderer
@@ -33,9 +33,6 @@ _WAITING_ACTIONS: Final = 64
 _NS: Final = 1_000_000_000
 _NO_FILE: Final = Path("the running controller")
 _NOT_SERVED: Final = "the page is not served"
-_CAMERA_M: Final = (1.75, -1.55, 1.3)
-_LOOKS_AT_M: Final = (0.0, 0.0, 0.5)
-_FIELD_OF_VIEW_DEG: Final = 45.0
 _ORANGE: Final = (230, 90, 0)
 
 
@@ -71,9 +68,9 @@ class Page:
         except OSError as error:
             raise EndpointError(f"cannot serve the page at {host}:{port}: {error.strerror or error}") from error
         server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=_ORANGE)
-        server.initial_camera.position = _CAMERA_M
-        server.initial_camera.fov = math.radians(_FIELD_OF_VIEW_DEG)
-        server.initial_camera.look_at = _LOOKS_AT_M
+        camera = camera_for(self._watch.robots)
+        server.initial_camera.position, server.initial_camera.look_at = camera
+        server.initial_camera.fov = FIELD_OF_VIEW_RAD
         renderer = BrowserRenderer(server, self._watch.sources.objects)
         renderer.started = lambda: push_by_dragging(renderer, self._operators)
         connection = RenderingConnection(renderer, kind=BROWSER, read_station=self._read_station)
