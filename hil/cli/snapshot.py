@@ -23,7 +23,7 @@ _THIS_MACHINE = "127.0.0.1"
 def snapshot(  # noqa: PLR0917  # typer makes the options of the parameters; nobody calls this with positions
     out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE.png", help="The picture.")],
     station: Annotated[
-        Path | None, typer.Argument(metavar="[STATION]", help="Station file: its robots and objects. Default: one arm.")
+        Path | None, typer.Argument(metavar="STATION", help="Station file: its robots and objects. Default: one arm.")
     ] = None,
     robot: Annotated[str | None, typer.Option(help="Robot model, without a station file.")] = None,
     position: Annotated[

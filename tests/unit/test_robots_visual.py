@@ -9,7 +9,7 @@ from hil.values.errors import UnknownName
 from tests.unit.robots_support import NAMES, facts_of
 
 MOST_PARTS = 30
-MOST_TRIANGLES = 25_000
+MOST_TRIANGLES = 15_000
 
 parts_of_all = pytest.mark.parametrize("name", NAMES)
 

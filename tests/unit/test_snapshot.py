@@ -161,7 +161,7 @@ def test_egl_is_taken_then_osmesa_or_what_is_wanted(
 @pytest.mark.parametrize(
     ("environment", "sentence"),
     [
-        ({}, "there is no EGL and no OSMesa here; install libegl1 and libgl1-mesa-dri, or libosmesa6"),
+        ({}, "there is no EGL and no OSMesa here; install libegl1, libgl1 and libgl1-mesa-dri, or libosmesa6"),
         ({"MUJOCO_GL": "egl"}, "there is no egl here; install libegl1"),
         ({"MUJOCO_GL": "vulkan"}, "MUJOCO_GL is 'vulkan'; off screen it is egl or osmesa, or not set"),
     ],
@@ -184,7 +184,7 @@ def test_a_library_that_fails_is_told_with_a_way_out(monkeypatch: pytest.MonkeyP
         pass
     assert str(caught.value) == (
         "no picture without a screen: egl fails (mujoco.egl has no device); "
-        "install libegl1 and libgl1-mesa-dri, or libosmesa6 (names of Debian)"
+        "install libegl1, libgl1 and libgl1-mesa-dri, or libosmesa6 (names of Debian)"
     )
 
 

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from tools.snapshot.camera import FIELD_OF_VIEW_DEG, Camera
+from tools.snapshot.camera import FIELD_OF_VIEW_DEG, Camera, Points
 from tools.snapshot.opengl import drawing_surface
 from tools.snapshot.world import PictureWorld
 
@@ -17,13 +17,18 @@ _FINER: Final = 2
 _MOST_GEOMS: Final = 10_000
 _FAR: Final = 1.0
 _SHADOW_PIXELS: Final = 4096
+_ROOM: Final = 1.4
+"""The floor is lit and shadowed so far around what stands on it, in radii of that."""
 
 
 def draw(world: PictureWorld, camera: Camera, *, transparent: bool = False) -> Picture:
     """Return the picture, height × width × 4 (red, green, blue, opacity), on white unless ``transparent``."""
     width, height = _FINER * camera.width, _FINER * camera.height
     model = world.model
+    points = world.points_m()
     _set_up(model, width, height)
+    model.stat.center[:] = middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    model.stat.extent = _ROOM * np.linalg.norm(points - middle, axis=1).max()
     rgb, depth = np.zeros((height, width, 3), np.uint8), np.zeros((height, width), np.float32)
     with drawing_surface(width, height):
         context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
@@ -33,7 +38,7 @@ def draw(world: PictureWorld, camera: Camera, *, transparent: bool = False) -> P
             option, everything = mujoco.MjvOption(), mujoco.mjtCatBit.mjCAT_ALL.value
             mujoco.mjv_updateScene(model, world.data, option, None, camera.in_mujoco(), everything, scene)
             scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = False
-            _add_key_light(scene)
+            _add_key_light(scene, middle, 2.0 * model.stat.extent)
             rectangle = mujoco.MjrRect(0, 0, width, height)
             mujoco.mjr_render(rectangle, scene, context)
             mujoco.mjr_readPixels(rgb, depth, rectangle, context)
@@ -52,7 +57,7 @@ def _set_up(model: "mujoco.MjModel", width: int, height: int) -> None:
     visual.headlight.specular[:] = 0.15
 
 
-def _add_key_light(scene: "mujoco.MjvScene") -> None:
+def _add_key_light(scene: "mujoco.MjvScene", middle_m: Points, distance_m: float) -> None:
     """A lamp above the camera's shoulder, which throws the shadows."""
     eye = scene.camera[0]
     ahead, up = np.array(eye.forward), np.array(eye.up)
@@ -61,7 +66,7 @@ def _add_key_light(scene: "mujoco.MjvScene") -> None:
     light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL.value
     direction = ahead * 0.55 + right * 0.45 - np.array((0.0, 0.0, 0.9))
     light.dir[:] = direction / np.linalg.norm(direction)
-    light.pos[:] = -3.0 * light.dir
+    light.pos[:] = middle_m - distance_m * light.dir
     light.attenuation[:] = (1.0, 0.0, 0.0)
     light.ambient[:], light.diffuse[:], light.specular[:] = 0.0, 0.38, 0.30
     light.castshadow = 1

@@ -26,7 +26,7 @@ _ON_SCREEN: Final = (
     "0",
 )
 """What else MuJoCo takes; it means nothing to a picture that is drawn off screen."""
-_INSTALL: Final = "install libegl1 and libgl1-mesa-dri, or libosmesa6 (names of Debian)"
+_INSTALL: Final = "install libegl1, libgl1 and libgl1-mesa-dri, or libosmesa6 (names of Debian)"
 
 
 @contextmanager
