@@ -30,7 +30,7 @@ def gauge(share: float, width: int, *, most: float = 0.0) -> str:
     filled = round(min(max(share, 0.0), 1.0) * width) if math.isfinite(share) else 0
     bar = [_FULL] * filled + [_EMPTY] * (width - filled)
     if most > 0.0 and math.isfinite(most):
-        bar[min(int(most * width), width - 1)] = _MOST
+        bar[min(int(min(most, 1.0) * width), width - 1)] = _MOST
     return "".join(bar)
 
 
