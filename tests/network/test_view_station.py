@@ -23,6 +23,7 @@ from transport.udp import free_port
 
 pytestmark = [pytest.mark.alone, pytest.mark.skipif(CHROMIUM is None, reason=NO_CHROMIUM)]
 
+_TRIES = 5
 CELL = """
 [[object]]
 name = "table"
@@ -120,17 +121,25 @@ def test_a_push_with_the_mouse_is_felt(cell: Cell, page: Page) -> None:
     with ServoClient(f"{cell.host}:30300", role=Role.OBSERVER) as observer:
         flange = observer.read_state().flange_in_base.position_m
         at = pixel(page, (flange[0], flange[1] + 0.4, flange[2]), camera_for(station_robots(cell.file)))
-        page.move(at)
-        page.press(at)
-        for step in range(1, 9):
-            page.move((at[0], at[1] + 15 * step), buttons=1)
-            page.wait_ms(60)
-        strongest = max(math.hypot(*felt(observer)) for _ in range(20))
-        page.let_go((at[0], at[1] + 120))
+        # A browser that draws slowly may not have seen what is below the mouse yet.
+        strongest = next((force for _ in range(_TRIES) if (force := dragged(page, at, observer)) > 20.0), 0.0)
         page.wait_ms(800)
         left = math.hypot(*felt(observer))
     assert strongest > 20.0
     assert left < 5.0
+
+
+def dragged(page: Page, at: tuple[float, float], observer: ServoClient) -> float:
+    """Drag what is at a place downwards, and let it go; return the strongest force that was felt meanwhile, N."""
+    page.move(at)
+    page.wait_ms(300)
+    page.press(at)
+    for step in range(1, 9):
+        page.move((at[0], at[1] + 15 * step), buttons=1)
+        page.wait_ms(60)
+    strongest = max(math.hypot(*felt(observer)) for _ in range(20))
+    page.let_go((at[0], at[1] + 120))
+    return strongest
 
 
 def felt(observer: ServoClient) -> tuple[float, ...]:

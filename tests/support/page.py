@@ -14,7 +14,7 @@ window.__THREE_DEVTOOLS__.addEventListener("observe", event => {
 });
 """
 """three.js tells whoever looks for it of its scenes, and so of what is really drawn."""
-_LOOKS = 150
+_LOOKS = 300
 _LOOK_MS = 100
 _PRESSED = "button, [role=tab], label"
 
