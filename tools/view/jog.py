@@ -16,7 +16,7 @@ from hil.client.servo import ServoClient, SmartServo, load_key
 from hil.clock import MonotonicClock
 from hil.core.model import ArmModel
 from hil.values.arm import seven
-from hil.values.errors import HilError
+from hil.values.errors import ConfigurationError, HilError
 from hil.values.frames import FLANGE
 from hil.values.fri import OperationMode
 from hil.values.operator import OperatorView, ProgramState
@@ -87,7 +87,11 @@ class Jogger:
         self._thread: threading.Thread | None = None
 
     def hold(self, key: JogKey) -> None:
-        """Begin, or go on, to move; to be called again while the key is held. What failed begins with a new press."""
+        """Begin, or go on, to move; to be called again while the key is held. What failed begins with a new press.
+
+        Raises :class:`ConfigurationError` for a key that there is not.
+        """
+        _check(key)
         with self._lock:
             now_ns = self._clock.now_ns()
             pressed_before = now_ns <= self._until_ns and not self._ended.is_set()
@@ -197,6 +201,14 @@ class Jogger:
             seconds, last_ns = (now_ns - last_ns) / _NS, now_ns
             # Whoever was held up must not make a leap of it.
             yield min(seconds, 2.0 * _STEP_S) * min(1.0, (now_ns - begun_ns) / _NS / _RAMP_S)
+
+
+def _check(key: JogKey) -> None:
+    """What a page said of a key is not the page's to decide."""
+    if not 0 <= key.number < (JOINT_COUNT if key.space is Space.AXIS else 6) or key.sign not in {-1, 1}:
+        raise ConfigurationError(f"there is no jog key {key.number} with the sign {key.sign} for {key.space}")
+    if not 0.0 < key.share <= 1.0:
+        raise ConfigurationError(f"a jog speed of {100 * key.share:g} % is not above 0 and at most 100 %")
 
 
 def _fastest_rad_s(lever_mm: float) -> float:
