@@ -136,8 +136,8 @@ KEY = JogKey(Space.AXIS, 0, 1)
     [{"share": 1000.0}, {"share": 0.0}, {"share": float("nan")}, {"number": 7}, {"number": -1}, {"sign": 3},
      {"space": Space.TOOL, "number": 6}],
 )  # fmt: skip
-def test_a_jog_key_that_there_is_not_moves_nothing(wrong: dict[str, Any]) -> None:
-    jogger = Jogger(Source("127.0.0.1:1"), "lbr-iiwa-14-r820", press_start=list, say=[].append)
+def test_a_jog_key_that_there_is_not_moves_nothing(wrong: dict[str, Any], told: list[str]) -> None:
+    jogger = Jogger(Source("127.0.0.1:1"), "lbr-iiwa-14-r820", press_start=list, say=told.append)
     with pytest.raises(ConfigurationError):
         jogger.hold(KEY._replace(**wrong))
     assert KEY.frame == FLANGE
