@@ -9,8 +9,11 @@ from typing import Any, ClassVar, Self
 import pytest
 
 from hil.client.pad import PadRefused
+from hil.client.servo import SessionRefused
 from hil.values.errors import ConfigurationError
 from hil.values.frames import FLANGE
+from hil.values.link import Address
+from tools.view import jog
 from tools.view import operator as hands
 from tools.view.browser.panel import _at_once, _held, _let_go, _run_while_held
 from tools.view.browser.rendering_tab import _file
@@ -141,6 +144,22 @@ def test_a_jog_key_that_there_is_not_moves_nothing(wrong: dict[str, Any], told: 
     with pytest.raises(ConfigurationError):
         jogger.hold(KEY._replace(**wrong))
     assert KEY.frame == FLANGE
+
+
+def test_who_taps_a_jog_key_hears_who_commands_the_arm(told: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    let_go = threading.Event()
+
+    def refuse(*_where: object, **_how: object) -> None:
+        assert let_go.wait(5)
+        raise SessionRefused(Address("127.0.0.1", 1), "the arm is commanded by another")
+
+    monkeypatch.setattr(jog, "ServoClient", refuse)
+    jogger = Jogger(Source("127.0.0.1:1"), "lbr-iiwa-14-r820", press_start=list, say=told.append)
+    jogger.hold(KEY)
+    jogger.release()
+    let_go.set()
+    jogger.close()
+    assert [text.rpartition(": ")[2] for text in told] == ["the arm is commanded by another"]
 
 
 @pytest.mark.parametrize("typed", ["", "  ", "/", "a\0b"])

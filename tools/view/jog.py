@@ -12,7 +12,7 @@ from enum import StrEnum
 from typing import Final, NamedTuple
 
 from backends.robots import load_description, load_pinocchio
-from hil.client.servo import ServoClient, SmartServo, load_key
+from hil.client.servo import ServoClient, SessionRefused, SmartServo, load_key
 from hil.clock import MonotonicClock
 from hil.core.model import ArmModel
 from hil.values.arm import seven
@@ -33,6 +33,8 @@ _STEP_S: Final = 0.02
 _STATE_PERIOD_MS: Final = 10
 _WATCHDOG_MS: Final = 200
 _CONNECT_S: Final = 2.0
+_ADMISSION_S: Final = 1.0
+"""Longer than the controller waits for a commander that fell silent."""
 _MARGIN_RAD: Final = math.radians(0.5)
 _AHEAD_S: Final = 0.4
 """How far a destination may be ahead of the set point, as time at full speed."""
@@ -118,7 +120,8 @@ class Jogger:
         try:
             self._jog(key)
         except HilError as error:
-            if not self._let_go():
+            # Who commands the arm is known after a second: a key that was tapped hears of it too.
+            if isinstance(error, SessionRefused) or not self._let_go():
                 self._say(f"jog {key}: {error}")
 
     def _let_go(self) -> bool:
@@ -132,10 +135,13 @@ class Jogger:
             state_period_ms=_STATE_PERIOD_MS,
             watchdog_ms=_WATCHDOG_MS,
             key=code,
-            connect_timeout_s=_CONNECT_S,
+            connect_timeout_s=_ADMISSION_S,
         ) as client:
             if client.operator.mode is OperationMode.AUT:
                 self._say("the jog keys work in T1 and T2: turn the mode selector")
+                return
+            if client.operator.override_percent == 0.0:
+                self._say("the override is 0 %: turn it up")
                 return
             if not self._ready(client):
                 return
