@@ -6,6 +6,7 @@ import io
 import math
 import socket
 import threading
+import warnings
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
@@ -69,6 +70,8 @@ class Page:
 
     def open(self) -> None:
         """Serve the page, and begin the live view; raise :class:`EndpointError` where it cannot be served."""
+        # A browser may leave while its panel is made.
+        warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
         host, port = self._options.host, self._options.port
         port = first_free_port(host, port)
         with _quiet(), Gate(self._options.token, host).standing():
