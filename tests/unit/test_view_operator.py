@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 import pytest
 
 from hil.client.pad import PadRefused
-from hil.client.servo import SessionRefused
+from hil.client.servo import SessionEnded, SessionRefused
 from hil.values.errors import ConfigurationError
 from hil.values.frames import FLANGE
 from hil.values.link import Address
@@ -160,6 +160,46 @@ def test_who_taps_a_jog_key_hears_who_commands_the_arm(told: list[str], monkeypa
     let_go.set()
     jogger.close()
     assert [text.rpartition(": ")[2] for text in told] == ["the arm is commanded by another"]
+
+
+class Waiting:
+    """Stands in for a session whose request waits for the operator's start."""
+
+    def __init__(self, *_where: object, **_how: object) -> None:
+        self.asked, self.closed = threading.Event(), threading.Event()
+        sessions.append(self)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self.close()
+
+    @property
+    def operator(self) -> None:
+        self.asked.set()
+        assert self.closed.wait(5)
+        raise SessionEnded("closed")
+
+    def close(self) -> None:
+        self.closed.set()
+
+
+sessions: list[Waiting] = []
+
+
+def test_a_jog_whose_request_waits_for_start_ends_too(told: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jog, "ServoClient", Waiting)
+    monkeypatch.setattr(jog, "_BRAKES_S", 0.02)
+    sessions.clear()
+    jogger = Jogger(Source("127.0.0.1:1"), "lbr-iiwa-14-r820", press_start=list, say=told.append)
+    jogger.hold(KEY)
+    while not sessions:
+        threading.Event().wait(0.001)
+    assert sessions[0].asked.wait(5)
+    jogger.close()
+    assert sessions[0].closed.is_set()
+    assert told == []
 
 
 @pytest.mark.parametrize("typed", ["", "  ", "/", "a\0b"])

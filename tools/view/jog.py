@@ -5,6 +5,7 @@ monitor hold for it. It lasts as long as its key is held; letting go, or falling
 brakes.
 """
 
+import contextlib
 import math
 import threading
 from collections.abc import Callable, Iterator
@@ -32,6 +33,8 @@ _RAMP_S: Final = 0.3
 _STEP_S: Final = 0.02
 _STATE_PERIOD_MS: Final = 10
 _WATCHDOG_MS: Final = 200
+_BRAKES_S: Final = 0.5
+"""What a session may last longer than its key."""
 _CONNECT_S: Final = 2.0
 _ADMISSION_S: Final = 1.0
 """Longer than the controller waits for a commander that fell silent."""
@@ -98,7 +101,11 @@ class Jogger:
             now_ns = self._clock.now_ns()
             pressed_before = now_ns <= self._until_ns and not self._ended.is_set()
             self._until_ns = now_ns + int(RELEASED_AFTER_S * _NS)
-            if pressed_before or (self._thread is not None and self._thread.is_alive()):
+            if pressed_before:
+                return
+            if self._thread is not None and self._thread.is_alive():
+                # The key before was let go, and must not go on with this one's breath.
+                self._ended.set()
                 return
             self._ended.clear()
             self._thread = threading.Thread(target=self._run, args=(key,), name=f"jogs {key}", daemon=True)
@@ -137,14 +144,30 @@ class Jogger:
             key=code,
             connect_timeout_s=_ADMISSION_S,
         ) as client:
-            if client.operator.mode is OperationMode.AUT:
-                self._say("the jog keys work in T1 and T2: turn the mode selector")
+            over = threading.Event()
+            threading.Thread(target=self._end_late, args=(client, over), name="ends a jog", daemon=True).start()
+            try:
+                self._lead(client, key)
+            finally:
+                over.set()
+
+    def _end_late(self, client: ServoClient, over: threading.Event) -> None:
+        """End a session that outlives its key: a request waits as long as the operator's start does (manual 9.1.2)."""
+        while not self._let_go():
+            if over.wait(_STEP_S):
                 return
-            if client.operator.override_percent == 0.0:
-                self._say("the override is 0 %: turn it up")
-                return
-            if not self._ready(client):
-                return
+        if not over.wait(_BRAKES_S):
+            with contextlib.suppress(HilError):
+                client.close()
+
+    def _lead(self, client: ServoClient, key: JogKey) -> None:
+        if client.operator.mode is OperationMode.AUT:
+            self._say("the jog keys work in T1 and T2: turn the mode selector")
+            return
+        if client.operator.override_percent == 0.0:
+            self._say("the override is 0 %: turn it up")
+            return
+        if self._ready(client):
             (self._move_axis if key.space is Space.AXIS else self._move_frame)(client, key)
 
     def _ready(self, client: ServoClient) -> bool:
