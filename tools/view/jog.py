@@ -5,6 +5,7 @@ monitor hold for it. It lasts as long as its key is held; letting go, or falling
 brakes.
 """
 
+import contextlib
 import math
 import threading
 from collections.abc import Callable, Iterator
@@ -12,11 +13,11 @@ from enum import StrEnum
 from typing import Final, NamedTuple
 
 from backends.robots import load_description, load_pinocchio
-from hil.client.servo import ServoClient, SmartServo, load_key
+from hil.client.servo import ServoClient, SessionRefused, SmartServo, load_key
 from hil.clock import MonotonicClock
 from hil.core.model import ArmModel
 from hil.values.arm import seven
-from hil.values.errors import HilError
+from hil.values.errors import ConfigurationError, HilError
 from hil.values.frames import FLANGE
 from hil.values.fri import OperationMode
 from hil.values.operator import OperatorView, ProgramState
@@ -32,7 +33,11 @@ _RAMP_S: Final = 0.3
 _STEP_S: Final = 0.02
 _STATE_PERIOD_MS: Final = 10
 _WATCHDOG_MS: Final = 200
+_BRAKES_S: Final = 0.5
+"""What a session may last longer than its key."""
 _CONNECT_S: Final = 2.0
+_ADMISSION_S: Final = 1.0
+"""Longer than the controller waits for a commander that fell silent."""
 _MARGIN_RAD: Final = math.radians(0.5)
 _AHEAD_S: Final = 0.4
 """How far a destination may be ahead of the set point, as time at full speed."""
@@ -87,12 +92,20 @@ class Jogger:
         self._thread: threading.Thread | None = None
 
     def hold(self, key: JogKey) -> None:
-        """Begin, or go on, to move; to be called again while the key is held. What failed begins with a new press."""
+        """Begin, or go on, to move; to be called again while the key is held. What failed begins with a new press.
+
+        Raises :class:`ConfigurationError` for a key that there is not.
+        """
+        _check(key)
         with self._lock:
             now_ns = self._clock.now_ns()
             pressed_before = now_ns <= self._until_ns and not self._ended.is_set()
             self._until_ns = now_ns + int(RELEASED_AFTER_S * _NS)
-            if pressed_before or (self._thread is not None and self._thread.is_alive()):
+            if pressed_before:
+                return
+            if self._thread is not None and self._thread.is_alive():
+                # The key before was let go, and must not go on with this one's breath.
+                self._ended.set()
                 return
             self._ended.clear()
             self._thread = threading.Thread(target=self._run, args=(key,), name=f"jogs {key}", daemon=True)
@@ -114,7 +127,8 @@ class Jogger:
         try:
             self._jog(key)
         except HilError as error:
-            if not self._let_go():
+            # Who commands the arm is known after a second: a key that was tapped hears of it too.
+            if isinstance(error, SessionRefused) or not self._let_go():
                 self._say(f"jog {key}: {error}")
 
     def _let_go(self) -> bool:
@@ -128,13 +142,32 @@ class Jogger:
             state_period_ms=_STATE_PERIOD_MS,
             watchdog_ms=_WATCHDOG_MS,
             key=code,
-            connect_timeout_s=_CONNECT_S,
+            connect_timeout_s=_ADMISSION_S,
         ) as client:
-            if client.operator.mode is OperationMode.AUT:
-                self._say("the jog keys work in T1 and T2: turn the mode selector")
+            over = threading.Event()
+            threading.Thread(target=self._end_late, args=(client, over), name="ends a jog", daemon=True).start()
+            try:
+                self._lead(client, key)
+            finally:
+                over.set()
+
+    def _end_late(self, client: ServoClient, over: threading.Event) -> None:
+        """End a session that outlives its key: a request waits as long as the operator's start does (manual 9.1.2)."""
+        while not self._let_go():
+            if over.wait(_STEP_S):
                 return
-            if not self._ready(client):
-                return
+        if not over.wait(_BRAKES_S):
+            with contextlib.suppress(HilError):
+                client.close()
+
+    def _lead(self, client: ServoClient, key: JogKey) -> None:
+        if client.operator.mode is OperationMode.AUT:
+            self._say("the jog keys work in T1 and T2: turn the mode selector")
+            return
+        if client.operator.override_percent == 0.0:
+            self._say("the override is 0 %: turn it up")
+            return
+        if self._ready(client):
             (self._move_axis if key.space is Space.AXIS else self._move_frame)(client, key)
 
     def _ready(self, client: ServoClient) -> bool:
@@ -197,6 +230,14 @@ class Jogger:
             seconds, last_ns = (now_ns - last_ns) / _NS, now_ns
             # Whoever was held up must not make a leap of it.
             yield min(seconds, 2.0 * _STEP_S) * min(1.0, (now_ns - begun_ns) / _NS / _RAMP_S)
+
+
+def _check(key: JogKey) -> None:
+    """What a page said of a key is not the page's to decide."""
+    if not 0 <= key.number < (JOINT_COUNT if key.space is Space.AXIS else 6) or key.sign not in {-1, 1}:
+        raise ConfigurationError(f"there is no jog key {key.number} with the sign {key.sign} for {key.space}")
+    if not 0.0 < key.share <= 1.0:
+        raise ConfigurationError(f"a jog speed of {100 * key.share:g} % is not above 0 and at most 100 %")
 
 
 def _fastest_rad_s(lever_mm: float) -> float:

@@ -35,6 +35,9 @@ class Operator:
         self._pads: dict[str, PadClient] = {}
         """Connections that hold an enabling switch, by robot."""
         self._held_until_ns: dict[str, int] = {}
+        self._refused: dict[str, str] = {}
+        self.grip = 0
+        """Number of the press that goes on; what was said under an older one comes too late."""
         self._watcher = threading.Thread(target=self._watch, name="watches the enabling switch", daemon=True)
 
     def open(self) -> None:
@@ -68,10 +71,13 @@ class Operator:
         except HilError as refused:
             self._say(f"THE EMERGENCY STOP WAS NOT PRESSED: {refused}")
 
-    def hold(self, robot: str) -> bool:
-        """Hold the enabling switch of ``robot``, or go on holding it; return whether it is held."""
+    def hold(self, robot: str, *, grip: int | None = None) -> bool:
+        """Hold the enabling switch of ``robot``, or go on holding it; return whether it is held.
+
+        ``grip`` is what :attr:`grip` was when the browser said so: its thread may come here after the one that lets go.
+        """
         with self._lock:
-            if self._ended.is_set():
+            if self._ended.is_set() or (grip is not None and grip != self.grip):
                 return False
             self._held_until_ns[robot] = self._clock.now_ns() + int(RELEASED_AFTER_S * _NS)
             if robot in self._pads:
@@ -83,15 +89,28 @@ class Operator:
             except HilError as refused:
                 pad.close()
                 del self._held_until_ns[robot]
-                self._say(str(refused))
+                self._say_once(robot, str(refused))
                 return False
             self._pads[robot] = pad
+            self._refused.pop(robot, None)
             return True
+
+    def begin_release(self) -> None:
+        """Let nothing that was said before hold a switch any more; never waits."""
+        self.grip += 1
 
     def release(self, robot: str) -> None:
         """Let the enabling switch of ``robot`` go; does nothing when it is not held."""
+        self.begin_release()
         with self._lock:
+            self._refused.pop(robot, None)
             self._let_go(robot)
+
+    def _say_once(self, robot: str, refusal: str) -> None:
+        """Say it once to a key that is held, which asks again twenty times a second."""
+        if self._refused.get(robot) != refusal:
+            self._refused[robot] = refusal
+            self._say(refusal)
 
     def holds(self, robot: str) -> bool:
         """Whether the enabling switch of ``robot`` is held here."""

@@ -1,12 +1,15 @@
 """The page: one server for all browsers, a panel for each, and a loop that draws."""
 
 import contextlib
+import errno
 import io
+import socket
 import threading
+import warnings
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 from urllib.parse import quote
 
 import viser
@@ -14,6 +17,7 @@ import viser
 from hil.clock import MonotonicClock
 from hil.values.errors import EndpointError, HilError
 from tools.view.browser.camera import FIELD_OF_VIEW_RAD, camera_for
+from tools.view.browser.gate import Gate, Guest
 from tools.view.browser.panel import Panel, tell
 from tools.view.browser.push import push_by_dragging
 from tools.view.browser.renderer import STATION_SCENE, BrowserRenderer
@@ -30,6 +34,8 @@ MAX_BROWSERS: Final = 8
 _PANEL_EVERY: Final = 3
 """Drawn frames to one update of the panels."""
 _WAITING_ACTIONS: Final = 64
+_PORTS_TRIED: Final = 100
+_LAST_PORT: Final = 65535
 _NS: Final = 1_000_000_000
 _NO_FILE: Final = Path("the running controller")
 _NOT_SERVED: Final = "the page is not served"
@@ -61,12 +67,12 @@ class Page:
 
     def open(self) -> None:
         """Serve the page, and begin the live view; raise :class:`EndpointError` where it cannot be served."""
+        # A browser may leave while its panel is made.
+        warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
         host, port = self._options.host, self._options.port
-        try:
-            with _quiet():
-                server = viser.ViserServer(host=host, port=port, label="fri-hil", verbose=False)
-        except OSError as error:
-            raise EndpointError(f"cannot serve the page at {host}:{port}: {error.strerror or error}") from error
+        port = first_free_port(host, port)
+        with _quiet(), Gate(self._options.token, host).standing():
+            server = viser.ViserServer(host=host, port=port, label="fri-hil", verbose=False)
         server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=_ORANGE)
         camera = camera_for(self._watch.robots)
         server.initial_camera.position, server.initial_camera.look_at = camera
@@ -152,23 +158,30 @@ class Page:
         """Look for the robots again, and go on with what is found."""
         self._watch.renew(self._options.find())
         self._open.renderer.surrounded_by(self._watch.sources.objects)
-        self._open.connection.refresh()
-        with self._lock:
-            clients = self._open.server.get_clients()
-            acting = {number: number in self._operators for number in self._panels if number in clients}
-        for number, may_act in acting.items():
-            self._add_panel(clients[number], may_act=may_act)
+        try:
+            self._open.connection.refresh()
+        finally:
+            # The panels show other robots from now on, whatever is drawn.
+            with self._lock:
+                clients = self._open.server.get_clients()
+                acting = {number: number in self._operators for number in self._panels if number in clients}
+            for number, may_act in acting.items():
+                self._add_panel(clients[number], may_act=may_act)
 
     def _all_panels(self) -> list[Panel]:
         with self._lock:
             return list(self._panels.values())
 
     def _joined(self, client: "viser.ClientHandle") -> None:
-        if len(self._all_panels()) >= MAX_BROWSERS:
-            tell(client, f"{MAX_BROWSERS} browsers have the pad, which is the most; this one has the scene only")
+        guest = _guest(self._open.server, client.client_id)
+        if guest is None:
             return
-        given = _path_of(self._open.server, client.client_id).strip("/")
-        self._add_panel(client, may_act=same_token(given, self._options.token))
+        with self._lock:
+            lookers = sum(number not in self._operators for number in self._panels)
+        if lookers >= MAX_BROWSERS and not guest.acts:
+            tell(client, f"{MAX_BROWSERS} browsers look already, which is the most; this one has the scene only")
+            return
+        self._add_panel(client, may_act=guest.acts)
 
     def _add_panel(self, client: "viser.ClientHandle", *, may_act: bool) -> None:
         operator = None
@@ -194,12 +207,17 @@ class Page:
                 self._operators[client.client_id] = operator
         if before is not None:
             before.close()
+        # Whoever left meanwhile was told goodbye before there was anything to close.
+        if client.client_id not in served.server.get_clients():
+            self._left(client)
 
     def _take_token(self, client: "viser.ClientHandle", given: str) -> None:
         if len(given.strip()) < len(self._options.token):
             # It is still being typed.
             return
-        if same_token(given, self._options.token):
+        guest = _guest(self._open.server, client.client_id)
+        if guest is not None and same_token(given, self._options.token):
+            guest.acts = True
             self._add_panel(client, may_act=True)
         else:
             tell(client, "that is not the operator's token; hil view printed it")
@@ -220,13 +238,37 @@ class _Served(NamedTuple):
     connection: RenderingConnection
 
 
+def first_free_port(host: str, port: int) -> int:
+    """Return ``port``, or the next one that nobody has; raise :class:`EndpointError`.
+
+    viser looks for one itself, and never comes back where there is none.
+    """
+    candidate = port
+    for candidate in range(port, min(port + _PORTS_TRIED, _LAST_PORT + 1)):
+        try:
+            [(family, kind, _, _, place), *_] = socket.getaddrinfo(
+                host or None, candidate, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+            )
+            with socket.socket(family, kind) as probe:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                probe.bind(place)
+                probe.listen()
+        except (OSError, UnicodeError) as error:
+            if not isinstance(error, OSError) or error.errno != errno.EADDRINUSE:
+                raise EndpointError(
+                    f"cannot serve the page at {host}:{candidate}: {getattr(error, 'strerror', '') or error}"
+                ) from error
+        else:
+            return candidate
+    raise EndpointError(f"cannot serve the page at {host}: other programs have all ports from {port} to {candidate}")
+
+
 def _quiet() -> "contextlib.redirect_stdout[io.StringIO]":
     """Keep what viser prints of itself from standard output."""
     return contextlib.redirect_stdout(io.StringIO())
 
 
-def _path_of(server: "viser.ViserServer", client_id: int) -> str:
-    """Return the path of the address a browser's socket asked for, which viser keeps to itself."""
-    connection = server._websock_server._live_connections.get(client_id)
-    request = None if connection is None else connection.request
-    return "" if request is None else request.path
+def _guest(server: "viser.ViserServer", client_id: int) -> Guest | None:
+    """Return a browser's socket, which viser keeps to itself; None when it left."""
+    found: Any = server._websock_server._live_connections.get(client_id)
+    return found if isinstance(found, Guest) else None

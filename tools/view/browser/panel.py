@@ -1,7 +1,8 @@
 """The pad in the page of one browser: what it shows, and, for whoever has the operator's token, what it does."""
 
+import asyncio
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from functools import partial
 from typing import Any, Final
 
@@ -10,7 +11,9 @@ import viser
 
 from backends.robots import load_description
 from hil.client.pad import PadClient, RobotState
+from hil.values.errors import HilError, UsageError
 from hil.values.frames import FLANGE
+from hil.values.fri import OperationMode
 from hil.values.robot import JOINT_NAMES
 from tools.view.browser import cards
 from tools.view.browser.renderer import BrowserRenderer
@@ -76,11 +79,11 @@ class Panel:
 
     def close(self) -> None:
         """Let go of what is held; the browser is gone."""
-        for jogger in self._joggers.values():
+        for jogger in list(self._joggers.values()):
             jogger.release()
         if self._operator is not None:
             self._operator.close()
-        for jogger in self._joggers.values():
+        for jogger in list(self._joggers.values()):
             jogger.close()
 
     def update(self) -> None:
@@ -124,7 +127,7 @@ class Panel:
                 choice.on_update(lambda _event: self._choose_robot(choice.value))
             if self._operator is not None:
                 stop = gui.add_button("EMERGENCY STOP", color=_RED, icon=viser.Icon.HAND_STOP)
-                stop.on_click(partial(_stop_everything, self._operator))
+                stop.on_click(_at_once(self._operator.stop_everything))
             self._card("status")
             if self._operator is not None:
                 self._build_keys(self._operator)
@@ -146,8 +149,10 @@ class Panel:
                 self._card("messages")
             with tabs.add_tab("Latency"):
                 self._build_latency()
-            with tabs.add_tab("View"):
-                self._build_view()
+            # What is chosen there is chosen for all who look; where nobody can act, nobody is disturbed.
+            if self._operator is not None or self._watch.sources.pad is None:
+                with tabs.add_tab("View"):
+                    self._build_view()
             with tabs.add_tab("Rendering"):
                 do = None if self._operator is None else self._do
                 self._rendering = RenderingTab(gui, self._connection, do, self._refresh)
@@ -156,7 +161,9 @@ class Panel:
         self._cards[name] = self._gui.add_html("")
 
     def _choose_robot(self, name: str) -> None:
-        self._let_go()
+        if name not in {one.name for one in self._watch.robots}:
+            return
+        self._let_go(self._robot)
         self._robot = name
         self._build()
 
@@ -170,11 +177,13 @@ class Panel:
     def _build_keys(self, operator: Operator) -> None:
         gui = self._gui
         enabling = gui.add_button("Enabling switch: hold", color="gray", hint="for as long as the button is pressed")
-        enabling.on_hold(lambda _event: self._hold(operator), callback_hz=HOLD_HZ)
-        enabling.on_click(lambda _event: operator.release(self._robot))
+        # A key is its robot's: the last words of one that was held may come when another robot is chosen.
+        robot = self._robot
+        enabling.on_hold(_held(operator, lambda grip: operator.hold(robot, grip=grip)), callback_hz=HOLD_HZ)
+        enabling.on_click(_let_go(operator, lambda: operator.release(robot)))
         run = gui.add_button("Enabling switch and start: hold", color="green", icon=viser.Icon.PLAYER_PLAY)
-        run.on_hold(lambda _event: self._run_while_held(operator), callback_hz=HOLD_HZ)
-        run.on_click(lambda _event: operator.release(self._robot))
+        run.on_hold(_held(operator, lambda grip: _run_while_held(operator, robot, grip)), callback_hz=HOLD_HZ)
+        run.on_click(_let_go(operator, lambda: operator.release(robot)))
         self._buttons(
             ("Start", "Pause", "Reset"),
             {"Start": PadClient.start, "Pause": PadClient.pause, "Reset": PadClient.reset},
@@ -195,14 +204,6 @@ class Panel:
     def _press(self, key: Callable[[PadClient], object]) -> None:
         if self._operator is not None:
             self._operator.press(self._robot, key)
-
-    def _hold(self, operator: Operator) -> None:
-        operator.hold(self._robot)
-
-    def _run_while_held(self, operator: Operator) -> None:
-        held_before = operator.holds(self._robot)
-        if operator.hold(self._robot) and not held_before:
-            operator.press(self._robot, PadClient.start)
 
     def _build_jog(self, operator: Operator) -> None:
         gui = self._gui
@@ -228,14 +229,16 @@ class Panel:
             which = number["axis" if space.value == Space.AXIS else "direction"]
             return JogKey(Space(space.value), which, sign, speed.value / 100.0, frame.value)
 
-        def held(sign: int, _event: object) -> None:
-            self._jog(operator, key(sign))
+        robot = self._robot
+
+        def held(sign: int, grip: int) -> None:
+            self._jog(operator, robot, key(sign), grip)
 
         more = gui.add_button("+", color="blue", icon=viser.Icon.PLUS)
         less = gui.add_button("-", color="blue", icon=viser.Icon.MINUS)
         for button, sign in ((more, 1), (less, -1)):
-            button.on_hold(partial(held, sign), callback_hz=HOLD_HZ)
-            button.on_click(lambda _event: self._let_go())
+            button.on_hold(_held(operator, partial(held, sign)), callback_hz=HOLD_HZ)
+            button.on_click(_let_go(operator, partial(self._let_go, robot)))
 
         def choose(of: str, names: Sequence[str], value: str) -> None:
             number[of] = list(names).index(value)
@@ -246,27 +249,33 @@ class Panel:
         space.on_update(lambda _event: tell())
         tell()
 
-    def _jog(self, operator: Operator, key: JogKey) -> None:
-        robot = self._robot
-        if not operator.hold(robot):
+    def _jog(self, operator: Operator, robot: str, key: JogKey, grip: int) -> None:
+        if not operator.hold(robot, grip=grip):
             return
         with self._lock:
             if robot not in self._joggers:
+                model = next(one.model for one in self._watch.robots if one.name == robot)
                 self._joggers[robot] = Jogger(
                     self._watch.source(robot),
-                    self._drawn.model,
+                    model,
                     press_start=lambda: operator.press(robot, PadClient.start),
                     say=lambda text: tell(self._client, text),
                 )
             jogger = self._joggers[robot]
-        jogger.hold(key)
+        try:
+            jogger.hold(key)
+        except HilError as refused:
+            operator.release(robot)
+            tell(self._client, str(refused))
+        if grip != operator.grip:
+            jogger.release()
 
-    def _let_go(self) -> None:
+    def _let_go(self, robot: str) -> None:
         if self._operator is None:
             return
-        for jogger in self._joggers.values():
+        for jogger in list(self._joggers.values()):
             jogger.release()
-        self._operator.release(self._robot)
+        self._operator.release(robot)
 
     def _build_inputs(self, operator: Operator) -> None:
         pad: RobotState | None = self._watch.pad().get(self._robot)
@@ -317,15 +326,51 @@ class Panel:
             box = gui.add_checkbox(label, getattr(shown, name))
             box.on_update(self._chooser(name, box))
         clear = gui.add_button("Clear the trail")
-        clear.on_click(lambda _event: self._renderer.clear_trails())
+        clear.on_click(lambda _event: self._do(lambda _connection: self._renderer.clear_trails()))
 
     def _chooser(self, name: str, box: Any) -> Callable[[object], None]:
-        def choose(_event: object) -> None:
+        def choose(_connection: object) -> None:
             setattr(self._renderer.shown, name, box.value)
             self._renderer.choose()
 
-        return choose
+        return lambda _event: self._do(choose)
 
 
-def _stop_everything(operator: Operator, _event: object) -> None:
-    operator.stop_everything()
+def _run_while_held(operator: Operator, robot: str, grip: int) -> None:
+    held_before = operator.holds(robot)
+    if operator.hold(robot, grip=grip) and not held_before:
+        operator.press(robot, partial(_start_what_stops, robot))
+
+
+def _start_what_stops(robot: str, pad: PadClient) -> None:
+    if pad.status()[robot]["mode"] == OperationMode.AUT.name:
+        raise UsageError("AUT runs on when the key is let go: press Start, and Pause; this key is for T1 and T2")
+    pad.start()
+
+
+def _at_once(action: Callable[[], object]) -> Callable[[object], Coroutine[Any, Any, None]]:
+    """Do it in a thread of its own: viser's are few, and may all wait for something."""
+
+    async def clicked(_event: object) -> None:
+        threading.Thread(target=action, name="at once", daemon=True).start()
+
+    return clicked
+
+
+def _held(operator: Operator, action: Callable[[int], object]) -> Callable[[object], Coroutine[Any, Any, None]]:
+    """Do it in a thread, with the grip as it was when the browser said so: here everything comes in its order."""
+
+    async def held(_event: object) -> None:
+        asyncio.get_running_loop().run_in_executor(None, action, operator.grip)
+
+    return held
+
+
+def _let_go(operator: Operator, action: Callable[[], object]) -> Callable[[object], Coroutine[Any, Any, None]]:
+    """Let nothing that was said before hold any more, and do it in a thread of its own."""
+
+    async def clicked(event: object) -> None:
+        operator.begin_release()
+        await _at_once(action)(event)
+
+    return clicked

@@ -6,6 +6,7 @@ from typing import Any, Final
 
 import viser
 
+from hil.values.errors import ConfigurationError
 from tools.view.browser import cards
 from tools.view.browser.renderer import EMPTY_SCENE, STATION_SCENE
 from tools.view.connection import Action, RenderingConnection
@@ -30,7 +31,7 @@ class RenderingTab:
             return
         station = gui.add_text("station", str(connection.station or ""), hint="station file (TOML)")
         select = gui.add_button("Select station", color="gray")
-        select.on_click(lambda _event: do(lambda one: one.select_station(Path(station.value))))
+        select.on_click(lambda _event: do(lambda one: one.select_station(_file(station.value))))
         scene = gui.add_dropdown("scene", _SCENES, initial_value=connection.scene or STATION_SCENE)
         scene.on_update(lambda _event: do(lambda one: one.select_scene(scene.value)))
         for action, label, done in (
@@ -54,6 +55,13 @@ class RenderingTab:
             disabled = not connection.possible(action)
             if button.disabled != disabled:
                 button.disabled = disabled
+
+
+def _file(typed: str) -> Path:
+    path = Path(typed.strip())
+    if not path.name or "\0" in typed:
+        raise ConfigurationError(f"{typed!r} is no station file")
+    return path
 
 
 def _doing(do: Do, action: Callable[[RenderingConnection], object]) -> Callable[[object], None]:
