@@ -1,6 +1,7 @@
 """An operator's hands in the page: what comes too late holds nothing, and what cannot be is refused."""
 
 import asyncio
+import queue
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -167,7 +168,7 @@ class Waiting:
 
     def __init__(self, *_where: object, **_how: object) -> None:
         self.asked, self.closed = threading.Event(), threading.Event()
-        sessions.append(self)
+        sessions.put(self)
 
     def __enter__(self) -> Self:
         return self
@@ -185,20 +186,18 @@ class Waiting:
         self.closed.set()
 
 
-sessions: list[Waiting] = []
+sessions: queue.SimpleQueue[Waiting] = queue.SimpleQueue()
 
 
 def test_a_jog_whose_request_waits_for_start_ends_too(told: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(jog, "ServoClient", Waiting)
     monkeypatch.setattr(jog, "_BRAKES_S", 0.02)
-    sessions.clear()
     jogger = Jogger(Source("127.0.0.1:1"), "lbr-iiwa-14-r820", press_start=list, say=told.append)
     jogger.hold(KEY)
-    while not sessions:
-        threading.Event().wait(0.001)
-    assert sessions[0].asked.wait(5)
+    session = sessions.get(timeout=5)
+    assert session.asked.wait(5)
     jogger.close()
-    assert sessions[0].closed.is_set()
+    assert session.closed.is_set()
     assert told == []
 
 
