@@ -1,7 +1,6 @@
 """``hil bench``: figures with machine and versions, as a table or as JSON."""
 
 import json
-import statistics
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any
@@ -87,18 +86,9 @@ def rate(  # noqa: PLR0917  # typer makes the options of the parameters
     seconds: Annotated[float, typer.Option(min=2.0, help="Length of the run.")] = 60.0,
     capture: Annotated[bool, typer.Option("--capture", help="Record all packets meanwhile.")] = False,
     realtime: Annotated[bool, typer.Option("--realtime", help="Ask for real-time scheduling.")] = False,
-    view: Annotated[
-        bool, typer.Option("--view", help="In turn with nothing, with hil view, and with a browser that shows it.")
-    ] = False,
-    repeats: Annotated[int, typer.Option(min=1, help="Runs of each kind, with --view.")] = 3,
     as_json: AsJson = False,
 ) -> None:
     """Pacing, missed cycles and answers of the real process against a client process over UDP at 1 ms."""
-    if view:
-        if capture or realtime:
-            raise ConfigurationError("--view compares runs that differ in nothing else: without --capture, --realtime")
-        _rate_with_view(robot, backend, fri_version, seconds=seconds, repeats=repeats, as_json=as_json)
-        return
     from tools.bench.machine import machine
     from tools.bench.rate import bench_rate
 
@@ -131,71 +121,6 @@ def rate(  # noqa: PLR0917  # typer makes the options of the parameters
         f"{session['changes']} changes of state, last quality {session['quality']}"
     )
     _print_bounds(console, report.bounds())
-
-
-@app.command()
-def view(
-    arms: Annotated[int, typer.Option(min=1, max=8, help="Arms that swing.")] = 2,
-    seconds: Annotated[float, typer.Option(min=1.0, help="How long frames are counted.")] = 10.0,
-    as_json: AsJson = False,
-) -> None:
-    """Frames a second of the page of hil view, in a headless Chromium, while arms move."""
-    from tools.bench.machine import machine
-    from tools.bench.view import bench_view
-
-    console = Console()
-    with Console(stderr=True).status("starting") as status:
-        report = bench_view(arms=arms, seconds=seconds, progress=status.update)
-    if as_json:
-        typer.echo(json.dumps({"machine": machine(), **report._asdict(), "bounds": [report.bound()._asdict()]}))
-        return
-    _print_machine(console, machine())
-    console.print(
-        f"{statistics.median(report.fps):.1f} frames a second (slowest second {min(report.fps):.1f}), {arms} arms that "
-        f"move, {report.draw_calls:g} draw calls a frame; {report.renderer}"
-    )
-    console.print(f"the view's process takes {report.view_cpu:.0%} of a core")
-    _print_bounds(console, [report.bound()])
-
-
-def _rate_with_view(robot: str, backend: str, release: Release, *, seconds: float, repeats: int, as_json: bool) -> None:
-    from tools.bench.machine import machine
-    from tools.bench.view import Beside, bench_rate_with_view, verdict
-
-    with _progress("seconds", 3 * repeats * seconds) as (bar, task):
-        runs = bench_rate_with_view(
-            robot=robot,
-            backend=backend,
-            release=release,
-            seconds=seconds,
-            repeats=repeats,
-            progress=lambda done: bar.update(task, completed=done),
-        )
-    kinds = [kind for kind in Beside if any(run.beside is kind for run in runs)]
-    told = [verdict(runs, kind) for kind in kinds if kind is not Beside.NOTHING]
-    if as_json:
-        listed = [{"beside": run.beside.value, "robot": run.robot} for run in runs]
-        typer.echo(json.dumps({"machine": machine(), "runs": listed, "verdict": told}))
-        return
-    console = Console()
-    _print_machine(console, machine())
-    title = f"{repeats} x {seconds:g} s in turn: {robot}, {backend}, 1 ms; medians (least ... most)"
-    table = Table("beside the controller", "lateness p50 us", "p99 us", "p99.9 us", "missed %", "rate Hz", title=title)
-    for kind in kinds:
-        robots = [run.robot for run in runs if run.beside is kind]
-        figures = [[one["lateness_us"][name] for one in robots] for name in ("p50", "p99", "p99_9")]
-        figures.append([100.0 * one["missed_cycles"] / one["ticks"] for one in robots])
-        figures.append([one["rate_hz"] for one in robots])
-        table.add_row(kind.value, *map(_spread, figures))
-    console.print(table)
-    for line in told:
-        console.print(line)
-    if Beside.BROWSER not in kinds:
-        console.print("no Chromium is installed: what a browser takes of the processor was not measured")
-
-
-def _spread(values: list[float]) -> str:
-    return f"{statistics.median(values):.5g} ({min(values):.5g} ... {max(values):.5g})"
 
 
 @app.command()

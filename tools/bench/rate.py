@@ -56,9 +56,8 @@ def bench_rate(
     capture: bool,
     realtime: bool,
     progress: Callable[[float], None],
-    view_port: int | None = None,
 ) -> RateReport:
-    """Run controller and client for ``seconds`` after the client's first packet; with a port, the page beside them."""
+    """Run controller and client for ``seconds`` after the client's first packet."""
     with tempfile.TemporaryDirectory(prefix="fri-hil-bench-") as folder:
         status, result = Path(folder, "status.json"), Path(folder, "client.json")
         first_s = start_to_first_packet(robot=robot, backend=backend, release=release)
@@ -68,14 +67,9 @@ def bench_rate(
             *("--fri-version", release, "--bind", _HOST, "--port", port, "--seconds", seconds + 10, "--json", result),
         )
         extra: list[object] = ["--capture", Path(folder, "run.pcapng")] if capture else []
-        if view_port is None:
-            extra += ["--servo", "off"]
-        else:
-            servo, pad = f"{_HOST}:{free_port(_HOST)}", Path(folder, "pad.sock")
-            extra += ["--servo", servo, "--pad", pad, "--view-at", f"{_HOST}:{view_port}"]
         controller = start_process(
             "hil.cli.main",
-            *("run", "--robot", robot, "--backend", backend, "--fri-client", f"{_HOST}:{port}"),
+            *("run", "--robot", robot, "--backend", backend, "--fri-client", f"{_HOST}:{port}", "--servo", "off"),
             *("--fri-version", release, "--duration", seconds, "--status-json", status, "--progress", 0),
             *extra,
             *(["--realtime"] if realtime else []),
