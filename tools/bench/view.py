@@ -27,6 +27,8 @@ _BEGIN_DEG: Final = (0.0, 30.0, 0.0, -60.0, 0.0, 60.0, 0.0)
 _SWING_DEG: Final = (25.0, 12.0, 15.0, 15.0, 20.0, 15.0, 40.0)
 _FREQUENCY_HZ: Final = 0.2
 _DESTINATIONS_S: Final = 0.05
+_WATCHDOG_MS: Final = 1000
+"""Drawing may take all cores; the arm must go on moving."""
 _LEAST_MESHES: Final = 8
 """Of an arm that is there: base and seven links have at least one each."""
 _SETTLE_S: Final = 6.0
@@ -213,7 +215,7 @@ class _Mover:
 
     def _move(self) -> None:
         clock = MonotonicClock()
-        with ServoClient(self._address, name="bench", state_period_ms=20) as client:
+        with ServoClient(self._address, name="bench", state_period_ms=20, watchdog_ms=_WATCHDOG_MS) as client:
             client.move(PTP(tuple(map(math.radians, _BEGIN_DEG))))
             motion = SmartServo().set_timeout_after_goal_reach(3600)
             client.move_async(motion)
