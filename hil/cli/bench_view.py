@@ -13,12 +13,14 @@ if TYPE_CHECKING:
 _KINDS: Final = {
     "without": "without the view",
     "view": "hil view, nobody looks",
-    "view and browser": "hil view and a browser",
+    "view and browser, nothing drawn": "and a browser, nothing drawn",
+    "view and browser": "and a browser",
 }
 _DIGITS: Final = {"us": 0, "%": 3, "Hz": 3}
 _ROWS: Final[tuple[tuple[str, Callable[[dict[str, Any]], str]], ...]] = (
     ("pictures a second: median, slowest", lambda run: _both(run["pictures_per_s"])),
     ("those in which an arm moved", lambda run: _both(run["moved_per_s"])),
+    ("the same where nothing is drawn", lambda run: _both(run["moved_per_s_nothing_drawn"])),
     ("longest time between two of them", lambda run: f"{run['longest_gap_ms']:.0f} ms"),
     ("drawn pixels to one of the window", lambda run: f"{run['pixel_ratio']:g}"),
     ("draw calls, triangles of a picture", lambda run: f"{run['draw_calls']:.0f}, {run['triangles']:.0f}"),
@@ -48,7 +50,8 @@ def print_rate_view(console: Console, report: "RateViewReport", *, title: str) -
         console.print(sentence, highlight=False)
     if Watching.BROWSER in report.runs:
         console.print(
-            "The browser ran on this machine, and drew with the processor: it takes what it gets of every core.",
+            "The browser ran on this machine, and drew with the processor: it takes what it gets of every core. "
+            "Without that drawing it is nearer to a browser with a GPU.",
             highlight=False,
         )
     else:

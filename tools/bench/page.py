@@ -24,7 +24,7 @@ _LOOK_S: Final = 0.1
 _LOOKS: Final = 300
 _WATCHED: Final = """
 window.__THREE_DEVTOOLS__ = new EventTarget();
-window.hil = {scenes: [], renderers: [], pictures: [], frame: 0, places: 0};
+window.hil = {scenes: [], renderers: [], pictures: [], frame: 0, places: 0, hidden: false};
 window.__THREE_DEVTOOLS__.addEventListener("observe", event => {
     if (event.detail.isScene) hil.scenes.push(event.detail);
     if (event.detail.isWebGLRenderer) hil.renderers.push(event.detail);
@@ -35,7 +35,9 @@ hil.look = () => {
     if (!info || info.frame === hil.frame) return;
     let places = 0;
     hil.scenes[0].traverse(one => {
-        if (one.isMesh) for (const part of one.matrixWorld.elements) places += part;
+        if (!one.isMesh) return;
+        for (const part of one.matrixWorld.elements) places += part;
+        if (hil.hidden) one.layers.disableAll();
     });
     hil.pictures.push([performance.now(), places !== hil.places, info.calls, info.triangles]);
     [hil.frame, hil.places] = [info.frame, places];
@@ -118,6 +120,11 @@ class WatchedPage:
     def let_pass(self, seconds: float) -> None:
         """Let the page's time pass."""
         self._tab.run(f"new Promise(done => setTimeout(done, {1000.0 * seconds}))")
+
+    def draw_nothing(self) -> None:
+        """Leave all meshes out of the pictures from now on; everything else goes on, as for a browser with a GPU."""
+        self._tab.run("hil.hidden = true, 0")
+        self.let_pass(1.0)
 
     def watch(self, seconds: float) -> Watched:
         """Let it draw for so long, and return what it drew."""

@@ -34,6 +34,7 @@ _LEAST_MESHES: Final = 8
 _SETTLE_S: Final = 6.0
 """Until viser has chosen its pixel ratio: it looks for two and a half seconds at a time."""
 _BYTES_S: Final = 3.0
+_UNDRAWN_S: Final = 4.0
 _NS: Final = 1_000_000_000
 
 
@@ -46,6 +47,8 @@ class ArmsReport:
     pictures_per_s: list[int]
     moved_per_s: list[int]
     """Pictures of each second in which the arms stood elsewhere than in the one before."""
+    undrawn_per_s: list[int]
+    """The same with nothing drawn: what the view and the page manage without the drawing."""
     longest_gap_ms: float
     calls: float
     triangles: float
@@ -61,6 +64,7 @@ class ArmsReport:
             "seconds": round(self.seconds, 1),
             "pictures_per_s": _median_and_least(self.pictures_per_s),
             "moved_per_s": _median_and_least(self.moved_per_s),
+            "moved_per_s_nothing_drawn": _median_and_least(self.undrawn_per_s),
             "longest_gap_ms": round(self.longest_gap_ms, 1),
             "draw_calls": self.calls,
             "triangles": self.triangles,
@@ -135,18 +139,22 @@ def _watch(page: WatchedPage, controller: int, arms: int, seconds: float) -> Arm
     used = processor_s(view)
     if not watched.pictures:
         raise EndpointError(f"the page drew nothing within {seconds:g} s")
+    pixel_ratio, bytes_per_s = page.pixel_ratio, page.bytes_a_second(_BYTES_S)
+    page.draw_nothing()
+    undrawn = page.watch(_UNDRAWN_S)
     return ArmsReport(
         arms,
         watched.seconds,
         watched.per_second(),
         watched.per_second(moved=True),
+        undrawn.per_second(moved=True),
         watched.longest_gap_ms(),
         median(picture.calls for picture in watched.pictures),
         median(picture.triangles for picture in watched.pictures),
-        page.pixel_ratio,
+        pixel_ratio,
         (sum(used.values()) - sum(used_before.values())) / watched.seconds if used_before else None,
         {kind: used_s / watched.seconds for kind, used_s in watched.browser_s.items()},
-        page.bytes_a_second(_BYTES_S),
+        bytes_per_s,
     )
 
 
