@@ -86,10 +86,18 @@ def rate(  # noqa: PLR0917  # typer makes the options of the parameters
     seconds: Annotated[float, typer.Option(min=2.0, help="Length of the run.")] = 60.0,
     capture: Annotated[bool, typer.Option("--capture", help="Record all packets meanwhile.")] = False,
     realtime: Annotated[bool, typer.Option("--realtime", help="Ask for real-time scheduling.")] = False,
+    view: Annotated[bool, typer.Option("--view", help="Compare runs with the live view with runs without it.")] = False,
+    repeats: Annotated[int, typer.Option(min=1, max=50, help="With --view: runs of each kind, in turn.")] = 3,
     as_json: AsJson = False,
 ) -> None:
     """Pacing, missed cycles and answers of the real process against a client process over UDP at 1 ms."""
     from tools.bench.machine import machine
+
+    if view:
+        if capture:
+            raise ConfigurationError("--view compares pacing: it does not go with --capture")
+        _rate_view(robot, backend, fri_version, seconds, repeats, realtime=realtime, as_json=as_json)
+        return
     from tools.bench.rate import bench_rate
 
     with _progress("seconds", seconds) as (bar, task):
@@ -120,6 +128,56 @@ def rate(  # noqa: PLR0917  # typer makes the options of the parameters
         f"{packets['received']} answers of {packets['sent']}, {packets['dropped']['late']} late; "
         f"{session['changes']} changes of state, last quality {session['quality']}"
     )
+    _print_bounds(console, report.bounds())
+
+
+def _rate_view(
+    robot: str, backend: str, release: Release, seconds: float, repeats: int, *, realtime: bool, as_json: bool
+) -> None:
+    from hil.cli.bench_view import print_rate_view
+    from tools.bench.machine import machine
+    from tools.bench.rate_view import bench_rate_view, length_s
+
+    with _progress("seconds", length_s(seconds, repeats)) as (bar, task):
+        report = bench_rate_view(
+            robot=robot,
+            backend=backend,
+            release=release,
+            seconds=seconds,
+            repeats=repeats,
+            realtime=realtime,
+            progress=lambda done: bar.update(task, completed=done),
+        )
+    if as_json:
+        typer.echo(json.dumps({"machine": machine(), **report.as_dict()}, indent=2))
+        return
+    console = Console()
+    _print_machine(console, machine())
+    print_rate_view(console, report, title=f"{repeats} runs of {seconds:g} s each, in turn: {robot}, {backend}, 1 ms")
+
+
+@app.command()
+def view(
+    robot: Robot = "lbr-iiwa-14-r820",
+    arms: Annotated[int, typer.Option(min=1, max=4, help="With one arm, and with each number up to this.")] = 2,
+    seconds: Annotated[float, typer.Option(min=2.0, help="Length of each run.")] = 20.0,
+    as_json: AsJson = False,
+) -> None:
+    """Pictures a second of the view's page in a headless browser while arms move, and what they cost."""
+    from hil.cli.bench_view import print_view
+    from tools.bench.machine import machine
+    from tools.bench.view import bench_view, length_s
+
+    with _progress("seconds", length_s(arms, seconds)) as (bar, task):
+        report = bench_view(
+            robot=robot, most_arms=arms, seconds=seconds, progress=lambda done: bar.update(task, completed=done)
+        )
+    if as_json:
+        typer.echo(json.dumps({"machine": machine(), **report.as_dict()}, indent=2))
+        return
+    console = Console()
+    _print_machine(console, machine())
+    print_view(console, report, robot=robot)
     _print_bounds(console, report.bounds())
 
 

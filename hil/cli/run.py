@@ -104,6 +104,9 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
         float, typer.Option(metavar="S", min=0.0, help="Seconds between progress lines; 0: none.")
     ] = 1.0,
     realtime: Annotated[bool, typer.Option("--realtime", help="Ask for SCHED_FIFO, locked memory, a CPU.")] = False,
+    settle: Annotated[
+        float, typer.Option(metavar="S", min=0.0, hidden=True, help="Leave the first seconds out of rate and lateness.")
+    ] = 0.0,
 ) -> None:
     """Serve FRI clients and servo applications. Ctrl-C brakes the arm, closes the sessions, and reports."""
     if shadow:
@@ -143,7 +146,11 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
     result = run_station(
         chosen,
         RunOptions(
-            duration_s=duration, status_json=status_json, progress_s=progress, view=_view_place(view, view_at, station)
+            duration_s=duration,
+            status_json=status_json,
+            progress_s=progress,
+            view=_view_place(view, view_at, station),
+            settle_s=settle,
         ),
     )
     print_summary(result.status)

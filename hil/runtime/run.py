@@ -14,6 +14,7 @@ from hil.core.servo.link import SERVO_LINK
 from hil.runtime.assembly import link_addresses
 from hil.runtime.console import Console
 from hil.runtime.lifetime import check_result_file, repeated, stop_on_signals, write_result_file
+from hil.runtime.measurements import RunMeasurements
 from hil.runtime.operator_channel import OperatorChannel
 from hil.runtime.progress import progress_line
 from hil.runtime.realtime import Wish, ask_for_realtime
@@ -39,6 +40,8 @@ class RunOptions:
     status_json: Path | None = None
     progress_s: float = 1.0
     view: ViewPlace | None = None
+    settle_s: float = 0.0
+    """From the first cycle, until which nothing is measured of how the cycles are paced."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,21 +193,28 @@ class _Run:
 
     async def _serve(self) -> str | None:
         with repeated(self._options.progress_s, self._say_progress):
-            deadline = None
+            loop = asyncio.get_running_loop()
+            timers = []
             if self._options.duration_s is not None:
-                deadline = asyncio.get_running_loop().call_later(self._options.duration_s, self._stop)
+                timers.append(loop.call_later(self._options.duration_s, self._stop))
+            if self._options.settle_s > 0.0:
+                timers.append(loop.call_later(self._options.settle_s, self._measure_anew))
             try:
                 async with asyncio.TaskGroup() as group:
                     for robot in self._robots:
                         group.create_task(robot.run(), name=f"robot {robot.config.name}")
             finally:
-                if deadline is not None:
-                    deadline.cancel()
+                for timer in timers:
+                    timer.cancel()
         return "; ".join(robot.faulted for robot in self._robots if robot.faulted is not None) or None
 
     def _stop(self) -> None:
         for robot in self._robots:
             robot.stop()
+
+    def _measure_anew(self) -> None:
+        for robot in self._robots:
+            robot.measurements = RunMeasurements()
 
     def _tell(self, name: str, event: Event) -> None:
         self._console.say(f"[{event.at_ns / 1e9:9.3f} s] {name}: {event}")

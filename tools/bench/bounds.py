@@ -12,6 +12,8 @@ LATENESS_P99_US = 200.0
 MISSED_SHARE = 0.001
 START_S = 1.5
 DESTINATION_MEDIAN_US = 1000.0
+PICTURES_PER_S = 30.0
+"""Of the page, with two arms on two cores."""
 
 
 class Bound(NamedTuple):

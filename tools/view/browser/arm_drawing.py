@@ -23,8 +23,9 @@ _LOST: Final = (205, 45, 40)
 _TRAIL: Final = (255, 120, 0)
 _FORCE: Final = (20, 150, 70)
 _CONTACT: Final = (215, 30, 120)
-_TRAIL_POINTS: Final = 250
-_TRAIL_STEP_M: Final = 0.004
+_TRAIL_POINTS: Final = 125
+_TRAIL_STEP_M: Final = 0.008
+"""Each point is drawn by the browser and sent anew with each new one; a finer trail looks the same."""
 _SHOWN_GHOST_RAD: Final = math.radians(0.25)
 """How far the set point must be from the measured position to be drawn beside it."""
 _STILL_RAD: Final = 2e-5
