@@ -48,9 +48,12 @@ def test_on_a_terminal_it_draws_the_whole_screen_and_leaves_it_as_it_was(served:
     ours, theirs = pty.openpty()
     _resize(theirs, lines=24, columns=60)
     before = termios.tcgetattr(theirs)
+    # What the variables say of a terminal's size would hold, and pytest's workers have them.
+    environment = {name: value for name, value in os.environ.items() if name not in {"COLUMNS", "LINES"}}
+    environment["TERM"] = "xterm"
     process = subprocess.Popen(
         [sys.executable, "-m", "hil.cli.main", "top", "--socket", str(served.pad)],
-        stdin=theirs, stdout=theirs, stderr=theirs, cwd=ROOT, env={**os.environ, "TERM": "xterm"},
+        stdin=theirs, stdout=theirs, stderr=theirs, cwd=ROOT, env=environment,
     )  # fmt: skip
     try:
         shown = _read_until(ours, "drives ACTIVE")
