@@ -79,6 +79,16 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
     reaction: Annotated[
         Reaction | None, typer.Option(help="Reaction time of servo motions; cabinet: 22 and 12 ms, ideal: none.")
     ] = None,
+    kst: Annotated[
+        str | None,
+        typer.Option(metavar="ADDR[:PORT]|off", help="Serve KST programs (MATLAB, Python) over TCP; port 30001."),
+    ] = None,
+    kst_strict: Annotated[
+        bool, typer.Option("--kst-strict", help="Do as a published KST server does, its faults included.")
+    ] = False,
+    kst_nagle: Annotated[
+        bool, typer.Option("--kst-nagle", help="Leave Nagle's algorithm on, as a published KST server does.")
+    ] = False,
     pad: Annotated[
         str | None, typer.Option(metavar="SOCKET|off", help="Where hil pad finds this controller; chosen unless given.")
     ] = None,
@@ -135,6 +145,7 @@ def run(  # noqa: PLR0917  # typer makes the options of the parameters; nobody c
         robot=_given(overrides),
         fri=_given(fri),
         servo=ServoOptions(servo, servo_key, reaction),
+        kst=_given({"bind": kst, "strict": kst_strict or None, "nagle": kst_nagle or None}),
         process=_given({"capture": capture, "capture_ring": capture_ring, "pad": pad, "realtime": realtime or None}),
         tcp_probe=_given({"bind": tcp_probe, "behaviour": tcp_probe_behaviour}),
     )
@@ -218,6 +229,7 @@ def station_of(
     fri: dict[str, Any],
     servo: ServoOptions,
     process: dict[str, Any],
+    kst: dict[str, Any] | None = None,
     tcp_probe: dict[str, Any] | None = None,
 ) -> Station:
     """Return the station of a file (or one default robot with both links) with options laid over it."""
@@ -232,6 +244,7 @@ def station_of(
             one["options"] = options
     _lay_fri_options(robots, fri, path)
     _lay_servo_options(robots, servo, path)
+    _lay_kst_options(robots, kst or {}, path)
     content.update(process)
     _lay_probe_options(content, tcp_probe or {})
     return parse_station(content, where="command line" if path is None else f"{path} with the options given")
@@ -290,6 +303,24 @@ def _lay_servo_options(robots: list[dict[str, Any]], servo: ServoOptions, path: 
         raise ConfigurationError(f"no robot of {path} has a servo link for --servo-key; add --servo")
     for one in linked:
         one["servo"] = {**(one.get("servo") or {}), **given}
+
+
+def _lay_kst_options(robots: list[dict[str, Any]], kst: dict[str, Any], path: Path | None) -> None:
+    if not kst:
+        return
+    if kst.get("bind") == _OFF:
+        if len(kst) > 1:
+            raise ConfigurationError("--kst off leaves nothing for the other KST options to say")
+        for one in robots:
+            one["kst"] = None
+        return
+    if "bind" in kst and len(robots) > 1:
+        raise ConfigurationError(f"{path} has {len(robots)} robots, and --kst can be that of one only: set it there")
+    linked = robots if "bind" in kst else [one for one in robots if one.get("kst") is not None]
+    if not linked:
+        raise ConfigurationError("there is no KST server for the KST options; add --kst ADDR[:PORT]")
+    for one in linked:
+        one["kst"] = {**(one.get("kst") or {}), **kst}
 
 
 def _lay_probe_options(content: dict[str, Any], probe: dict[str, Any]) -> None:

@@ -24,8 +24,10 @@ from hil.core.settings import (
 from hil.values.errors import ConfigurationError
 from hil.values.frames import FrameTree
 from hil.values.fri import CLIENT_PORT, OperationMode, OverlayKind, Release
+from hil.values.kst import DEFAULT_WATCHDOG_MS, KST_PORT, KstSettings, UnprovenLoad
 from hil.values.link import Address
 from hil.values.load import NO_LOAD, Load
+from hil.values.robot import RobotDescription
 from hil.values.servo import SERVO_PORT
 from hil.values.signals import Signal, check_message_fits
 from hil.values.surroundings import SceneArm, Surroundings
@@ -113,6 +115,40 @@ class ServoConfig(_Model):
     ] = None
 
 
+class KstConfig(_Model):
+    """``[robot.kst]``: a server for KST programs; it commands the arm through the servo link."""
+
+    bind: Annotated[str, Field(description="ADDR[:PORT] where KST programs connect to")] = f"127.0.0.1:{KST_PORT}"
+    strict: Annotated[bool, Field(strict=True, description="do as a published server does, its faults included")] = (
+        False
+    )
+    nagle: Annotated[bool, Field(strict=True, description="leave Nagle's algorithm on, as a published server does")] = (
+        False
+    )
+    watchdog_ms: Annotated[
+        int, Field(strict=True, ge=0, le=60_000, description="silence in velocity mode that stops the arm; 0: none")
+    ] = DEFAULT_WATCHDOG_MS
+    unproven_load: Annotated[
+        UnprovenLoad,
+        Field(description="impedance with a load that is not the true one: replace (take the true one) or refuse"),
+    ] = UnprovenLoad.REPLACE
+    second_acknowledgement: Annotated[
+        bool, Field(strict=True, description="acknowledge the end of impedance once more, as published servers do")
+    ] = True
+
+    def settings(self, description: RobotDescription) -> KstSettings:
+        """Return the server's settings for a robot with its station's limits."""
+        return KstSettings(
+            position_min_rad=description.limits.position_min_rad,
+            position_max_rad=description.limits.position_max_rad,
+            strict=self.strict,
+            nagle=self.nagle or self.strict,
+            watchdog_ms=self.watchdog_ms,
+            unproven_load=self.unproven_load,
+            second_acknowledgement=self.second_acknowledgement,
+        )
+
+
 class Reaction(StrEnum):
     """System reaction time of servo motions, as a profile."""
 
@@ -183,6 +219,7 @@ class RobotConfig(_Model):
     ] = ()
     fri: Annotated[FriConfig | None, Field(description="FRI link; leave the section out for none")] = None
     servo: Annotated[ServoConfig | None, Field(description="servo link; leave the section out for none")] = None
+    kst: Annotated[KstConfig | None, Field(description="KST server; leave the section out for none")] = None
 
     def settings(
         self, *, unix_epoch_ns: int, fri_peer: Address | None, servo: ServoSettings | None
@@ -242,6 +279,10 @@ class RobotConfig(_Model):
         settings = self.settings(unix_epoch_ns=0, fri_peer=Address("127.0.0.1", CLIENT_PORT), servo=None)
         if self.fri is not None:
             check_message_fits(self.fri.release, settings.signals, self.fri.transformations)
+        if self.kst is not None and self.servo is None:
+            raise ConfigurationError(
+                f"{self.name}: a KST server commands the arm through the servo link, and needs one"
+            )
         return self
 
 
@@ -298,6 +339,8 @@ class Station(_Model):
         _refuse_shared("FRI client", [robot.fri.client for robot in self.robot if robot.fri is not None])
         binds = [robot.servo.bind for robot in self.robot if robot.servo is not None]
         _refuse_shared("servo address", [bind for bind in binds if not bind.endswith(":0")])
+        binds = [robot.kst.bind for robot in self.robot if robot.kst is not None]
+        _refuse_shared("KST address", [bind for bind in binds if not bind.endswith(":0")])
         if self.capture is not None and "\0" in str(self.capture):
             raise ConfigurationError(f"the capture file {str(self.capture)!r} has a NUL in its name")
         return self

@@ -3,6 +3,7 @@
 import asyncio
 import gc
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,7 @@ from hil.config.station import RobotConfig, Station
 from hil.core.controller import FRI_LINK
 from hil.core.events import Event
 from hil.core.servo.link import SERVO_LINK
-from hil.runtime.assembly import link_addresses
+from hil.runtime.assembly import link_addresses, robot_description
 from hil.runtime.console import Console
 from hil.runtime.lifetime import check_result_file, repeated, stop_on_signals, write_result_file
 from hil.runtime.measurements import RunMeasurements
@@ -21,10 +22,13 @@ from hil.runtime.realtime import Wish, ask_for_realtime
 from hil.runtime.robot_process import RobotProcess
 from hil.runtime.view_process import ViewPlace, ViewProcess
 from hil.values.errors import ConfigurationError
+from hil.values.kst import KST_PORT
 from hil.version import SOFTWARE
+from transport.udp import parse_address
 
 if TYPE_CHECKING:
     from hil.runtime.captures import Captures
+    from hil.runtime.kst import KstProcess
     from hil.runtime.tcp_probe import TcpProbe
 
 NO_PAD = "off"
@@ -70,6 +74,7 @@ class _Run:
         self._captures: Captures | None = None
         self._probe: TcpProbe | None = None
         self._view: ViewProcess | None = None
+        self._kst: dict[str, KstProcess] = {}
         self._epoch_ns = 0
         self._surroundings = station.surroundings()
 
@@ -87,9 +92,11 @@ class _Run:
             # Before the process asks for real time: a child inherits that, and this one must not have it.
             self._probe = self._open_probe()
             self._robots = [self._robot(number, config) for number, config in enumerate(self._station.robot)]
+            self._kst = self._open_kst()
             self._captures = self._open_captures()
             for robot in self._robots:
                 await robot.open()
+            self._start_kst()
             self._pad = self._open_pad()
             self._view = self._open_view()
             self._wishes = ask_for_realtime() if self._station.realtime else []
@@ -105,6 +112,8 @@ class _Run:
                 self._probe.close()
             if self._view is not None:
                 self._view.close()
+            for kst in self._kst.values():
+                kst.close()
             if self._pad is not None:
                 self._pad.close()
             for robot in self._robots:
@@ -156,6 +165,30 @@ class _Run:
             )
         return ViewProcess(place, self._pad.path, say=self._console.say)
 
+    def _open_kst(self) -> "dict[str, KstProcess]":
+        """Bind the KST servers, so that an address in use is told before anything moves."""
+        if all(config.kst is None for config in self._station.robot):
+            return {}
+        from hil.runtime.kst import KstProcess
+
+        served: dict[str, KstProcess] = {}
+        for config in self._station.robot:
+            if config.kst is not None:
+                bind = parse_address(config.kst.bind, default_port=KST_PORT)
+                say = partial(self._say_of, config.name)
+                served[config.name] = KstProcess(bind, config.kst.settings(robot_description(config)), say=say)
+        return served
+
+    def _start_kst(self) -> None:
+        for robot in self._robots:
+            kst, servo = self._kst.get(robot.config.name), robot.config.servo
+            controller = robot.local_address(SERVO_LINK)
+            if kst is not None and servo is not None and controller is not None:
+                kst.start(controller, state_period_ms=robot.config.cycle_ms, key_file=servo.key_file)
+
+    def _say_of(self, name: str, line: str) -> None:
+        self._console.say(f"{name}: {line}")
+
     def _open_probe(self) -> "TcpProbe | None":
         config = self._station.tcp_probe
         if config is None:
@@ -186,6 +219,8 @@ class _Run:
                 self._console.say(f"{robot.config.name}: nothing may move: {reason}{unreachable}")
         if self._pad is not None:
             self._console.say(f"pad: hil pad finds this controller at {self._pad.path}")
+        for name, kst in self._kst.items():
+            self._console.say(f"{name}: kst: programs at TCP {kst.local}{', strict' if kst.settings.strict else ''}")
         if self._probe is not None:
             self._console.say(f"tcp probe: hil doctor tcp {self._probe.local} ({self._probe.behaviour} peer)")
         for wish in self._wishes:
@@ -226,6 +261,10 @@ class _Run:
         for robot in self._robots:
             self._console.say(progress_line(robot, elapsed_s=elapsed_s, duration_s=self._options.duration_s))
 
+    def _kst_report(self, robot: RobotProcess) -> dict[str, object] | None:
+        kst = self._kst.get(robot.config.name)
+        return None if kst is None else kst.report()
+
     def _status(self, fault: str | None, capture: dict[str, object] | None) -> dict[str, object]:
         return {
             "software": SOFTWARE,
@@ -234,7 +273,7 @@ class _Run:
             "capture": capture,
             "pad": None if self._pad is None else self._pad.report(),
             "tcp_probe": None if self._probe is None else self._probe.report(),
-            "robots": {robot.config.name: robot.report() for robot in self._robots},
+            "robots": {robot.config.name: {**robot.report(), "kst": self._kst_report(robot)} for robot in self._robots},
         }
 
 

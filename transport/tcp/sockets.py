@@ -13,6 +13,7 @@ from transport.udp import parse_address
 CAN_QUICK_ACK: Final = hasattr(socket, "TCP_QUICKACK")
 """Linux only."""
 _TCP_INFO_BYTES: Final = 104
+_UNACKNOWLEDGED_AT: Final = 24
 _RTT_AT: Final = 68
 _TOTAL_RETRANSMISSIONS_AT: Final = 100
 _U32 = struct.Struct("@I")
@@ -25,6 +26,8 @@ class Kernel(NamedTuple):
     """Smoothed; it includes what an acknowledgement was delayed by."""
     retransmissions: int
     """Segments of this side that were sent again, since the connection began."""
+    unacknowledged: int = 0
+    """Segments of this side that the other one has not acknowledged."""
 
 
 def set_no_delay(sock: socket.socket, on: bool) -> None:
@@ -50,7 +53,8 @@ def kernel_facts(sock: socket.socket) -> Kernel | None:
         return None
     (round_trip_us,) = _U32.unpack_from(info, _RTT_AT)
     (retransmissions,) = _U32.unpack_from(info, _TOTAL_RETRANSMISSIONS_AT)
-    return Kernel(round_trip_us / 1000.0, retransmissions)
+    (unacknowledged,) = _U32.unpack_from(info, _UNACKNOWLEDGED_AT)
+    return Kernel(round_trip_us / 1000.0, retransmissions, unacknowledged)
 
 
 def parse_tcp_address(text: str, *, resolve: bool = True, port_0: bool = False) -> Address:

@@ -1,0 +1,91 @@
+"""The direct servo modes: loops that pass the newest set-point on, as the application on a Cabinet does.
+
+Source: kst-wire 4.7 for the shaping of joint set-points, the minimum trajectory time and how velocities are integrated.
+"""
+
+import math
+from typing import Final
+
+from hil.client.servo import AsyncDirectServo, AsyncDirectServoRuntime
+from hil.kst.context import NEVER_S, OPERATORS_PATIENCE_S, Context
+from hil.kst.jobs import CartesianServo, Ended, JointServo, Outcome, VelocityServo
+from hil.kst.registers import STILL, Registers, pose_of
+from hil.values.pose import Pose
+from hil.values.servo import Vector
+
+STEP_MOST_RAD: Final = 0.07
+SOFT_RAD: Final = 0.0525
+"""Shaping: an axis goes for 0.07 (1 - exp(-(error / 0.0525)^2)) rad from where it is measured."""
+MINIMUM_TIME_S: Final = 0.04
+"""Minimum trajectory execution time of joint and Cartesian direct servo."""
+_NS_PER_S: Final = 1e9
+
+
+def shaped(target_rad: Vector, measured_rad: Vector) -> Vector:
+    """Return the destination that joint direct servo makes of a set-point."""
+    return tuple(
+        here + math.copysign(STEP_MOST_RAD * -math.expm1(-(((there - here) / SOFT_RAD) ** 2)), there - here)
+        for there, here in zip(target_rad, measured_rad, strict=True)
+    )
+
+
+async def direct_servo(context: Context, job: JointServo | CartesianServo | VelocityServo) -> Ended:
+    """Pass set-points on until the stop; raise :class:`hil.client.servo.HilError` where the controller ends it."""
+    motion = AsyncDirectServo().set_timeout_after_goal_reach(NEVER_S)
+    if not isinstance(job, VelocityServo):
+        motion.set_minimum_trajectory_execution_time(MINIMUM_TIME_S)
+    await context.client.move_async(motion)
+    try:
+        runtime = await motion.get_runtime(OPERATORS_PATIENCE_S)
+        match job:
+            case JointServo():
+                await _joints(context, runtime)
+            case CartesianServo():
+                await _poses(context, runtime, job.tcp_in_flange.inverse())
+            case VelocityServo():
+                await _velocities(context, runtime)
+    finally:
+        if motion.started:
+            await motion.stop_motion()
+    return Ended(Outcome.DONE)
+
+
+async def _joints(context: Context, runtime: AsyncDirectServoRuntime) -> None:
+    while not context.stop.is_set():
+        target_rad, measured_rad = context.registers.joints_rad, runtime.get_axis_q_msr_on_controller()
+        await runtime.set_destination(measured_rad if target_rad is None else shaped(target_rad, measured_rad))
+
+
+async def _poses(context: Context, runtime: AsyncDirectServoRuntime, flange_in_tcp: Pose) -> None:
+    while not context.stop.is_set():
+        set_point = context.registers.servo_pose
+        if set_point is None:
+            await runtime.update_with_realtime_system()
+        else:
+            await runtime.set_destination(pose_of(set_point) @ flange_in_tcp)
+
+
+async def _velocities(context: Context, runtime: AsyncDirectServoRuntime) -> None:
+    registers, before_rad_s = context.registers, STILL
+    position_rad = runtime.get_axis_q_msr_on_controller()
+    before_ns = runtime.get_time_stamp_of_update()
+    while not context.stop.is_set():
+        if _silent(registers, context):
+            registers.velocity_rad_s = STILL
+            silence_ms = context.settings.watchdog_ms
+            context.tell(f"no velocity came for {silence_ms} ms: the arm stops, and moves again with the next one")
+        now_ns, velocity_rad_s = runtime.get_time_stamp_of_update(), registers.velocity_rad_s
+        passed_s = (now_ns - before_ns) / _NS_PER_S
+        position_rad = tuple(
+            position + 0.5 * (old + new) * passed_s
+            for position, old, new in zip(position_rad, before_rad_s, velocity_rad_s, strict=True)
+        )
+        before_ns, before_rad_s = now_ns, velocity_rad_s
+        await runtime.set_destination(position_rad)
+
+
+def _silent(registers: Registers, context: Context) -> bool:
+    settings = context.settings
+    if settings.strict or not settings.watchdog_ms or registers.velocity_rad_s == STILL:
+        return False
+    return context.now_ns() - registers.velocity_at_ns > settings.watchdog_ms * 1_000_000
