@@ -34,12 +34,10 @@ def test_a_line_is_straight_and_as_fast_as_asked(hil_controller: VirtualControll
     async def program() -> None:
         async with visit() as robot:
             await at_start(robot)
-            points: list[tuple[float, float, float]] = []
             for line in ("jRelVel_100_", f"cArtixanPosition_480_60_600_{math.pi}_0_{math.pi}_"):
                 assert await robot.ask(line) == ["done"]
             began_s = hil_controller.now_s
-            async for state in robot.watch("doPTPinCS"):
-                points.append(state.flange_in_base.position_m)
+            points = [state.flange_in_base.position_m async for state in robot.watch("doPTPinCS")]
             assert hil_controller.now_s - began_s == pytest.approx(math.dist(points[0], points[-1]) * 10, rel=0.35)
             assert points[-1] == pytest.approx((0.48, 0.06, 0.6), abs=2e-4)
             assert max(_off_line_m(point, points[0], points[-1]) for point in points) < 5e-4
