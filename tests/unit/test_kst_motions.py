@@ -1,15 +1,17 @@
 """What KST programs make the arm do, at a controller with a MuJoCo arm in virtual time."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from hil.kst.real_time import STEP_MOST_RAD, shaped
 from hil.testkit.controller import VirtualController
-from hil.values.kst import KstSettings
+from hil.values.kst import KstSettings, UnprovenLoad
 from tests.support.kst_virtual import SETTINGS, Visit, visit
 from transport.kst import Problem
 
+pytestmark = pytest.mark.hil(backend="mujoco")
 START = "jp_0.0_0.0_0.0_-1.5707_0.0_1.5708_0.0_"
 AT_START = (0.0, 0.0, 0.0, -1.5707, 0.0, 1.5708, 0.0)
 
@@ -308,3 +310,91 @@ def test_limits_are_those_of_the_robot(hil_controller: VirtualController) -> Non
 
     hil_controller.run_async(program())
     assert SETTINGS.watchdog_ms == 1000
+
+
+IMPEDANCE = "startSmartImpedanceJoints_1.0_0.0_0.0_0.0_900_80_50_"
+
+
+async def bent(robot: Visit) -> None:
+    """Go to a pose that is far from singularities."""
+    assert await robot.move("jRelVel_1.0_", "jp_0_0.3_0_-1.3_0_1.2_0_", "doPTPinJS") == "done"
+
+
+async def stop_impedance(robot: Visit) -> None:
+    """Stop it, and take both acknowledgements."""
+    assert await robot.ask("stopDirectServoJoints", replies=2) == ["done", "done"]
+
+
+@pytest.mark.hil(load={"mass_kg": 1.0})
+def test_impedance_follows_set_points_softly_with_the_load_that_was_told(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await bent(robot)
+            assert await robot.ask(IMPEDANCE) == ["done"]
+            await robot.pass_s(0.3)
+            for step in range(500):
+                assert len(await robot.numbers(f"jpMT_{0.0004 * step}_0.3_0_-1.3_0_1.2_0_\n")) == 7
+                await robot.pass_s(0.004)
+            await robot.pass_s(1.0)
+            assert (await robot.numbers("getJointsPositions"))[0] == pytest.approx(0.2, abs=0.03)
+            before = hil_controller.flange.position_m
+            hil_controller.operator.push((0.0, 0.0, -18.0), duration_s=3.0)
+            await robot.pass_s(2.0)
+            # 18 N on a spring of 900 N/m.
+            assert before[2] - hil_controller.flange.position_m[2] == pytest.approx(0.02, abs=0.006)
+            await robot.pass_s(2.0)
+            assert robot.told == []
+            await stop_impedance(robot)
+            await bent(robot)
+
+    hil_controller.run_async(program())
+
+
+def test_a_load_that_is_not_there_is_said_and_the_true_one_taken(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await bent(robot)
+            for _ in range(2):
+                assert await robot.ask(IMPEDANCE) == ["done"]
+                await robot.pass_s(0.5)
+                assert any("a Cabinet may refuse this impedance mode: the load of 1 kg" in line for line in robot.told)
+                assert any("Taken instead: 0 kg" in line for line in robot.told)
+                assert robot.session.busy
+                await stop_impedance(robot)
+            await bent(robot)
+
+    hil_controller.run_async(program())
+
+
+def test_a_load_that_is_not_there_ends_the_mode_where_it_is_to_be_refused(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit(replace(SETTINGS, unproven_load=UnprovenLoad.REFUSE)) as robot:
+            await bent(robot)
+            assert await robot.ask(IMPEDANCE, replies=2) == ["done", "done"]
+            assert any("the load of 1 kg that was told does not explain the torques" in line for line in robot.told)
+            assert not robot.session.busy
+            assert await robot.ask("stopDirectServoJoints") == ["done"]
+
+    hil_controller.run_async(program())
+
+
+@pytest.mark.parametrize("numbers", ["1.0_0_0_0_9000_80_50", "-1.0_0_0_0_900_80_50", "1.0_0_0_0_900_80_-50"])
+def test_impedance_beyond_its_ranges_ends_with_a_sentence(hil_controller: VirtualController, numbers: str) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await bent(robot)
+            assert await robot.ask(f"startSmartImpedneceJoints_{numbers}_", replies=2) == ["done", "done"]
+            assert any("is outside its range" in line for line in robot.told)
+
+    hil_controller.run_async(program())
+
+
+@pytest.mark.hil(backend="ideal")
+def test_an_arm_without_torques_has_no_impedance_and_says_so(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await bent(robot)
+            assert await robot.ask(IMPEDANCE, replies=2) == ["done", "done"]
+            assert any("set-points move nothing from now on" in line for line in robot.told)
+
+    hil_controller.run_async(program())
