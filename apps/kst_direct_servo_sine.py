@@ -1,5 +1,6 @@
 """A sine on one axis, set-point by set-point, over KST: ``python -m apps.kst_direct_servo_sine --plot sine.png``."""
 
+import gc
 import json
 import math
 from functools import partial
@@ -51,6 +52,8 @@ def _run(  # noqa: PLR0917
     with KstClient(controller) as arm:
         arm.move_joints(START_RAD, velocity_rel=0.3)
         arm.start_joint_servo()
+        # The collector would look through all that was imported, for 20 ms, while set-points are due.
+        gc.freeze()
         for at_s in arm.every(period_ms * 1e-3, seconds=seconds):
             target = list(START_RAD)
             target[axis] += amplitude_rad * math.sin(2.0 * math.pi * frequency_hz * at_s)

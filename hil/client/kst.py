@@ -233,13 +233,14 @@ class KstClient:
             self._rest(START_S)
 
     def every(self, period_s: float, *, seconds: float) -> Iterator[float]:
-        """Yield the seconds since the first one, every ``period_s``, for ``seconds``; late ones are not made up for."""
+        """Yield the seconds since it began, every ``period_s``, for ``seconds``; late ones are not made up for."""
         pause, began_ns = Pause(1.0), stopwatch_ns()
-        at_ns = began_ns
-        while at_ns - began_ns < seconds * _NS_PER_S:
-            pause.until(at_ns)
-            yield (at_ns - began_ns) / _NS_PER_S
-            at_ns = max(at_ns + int(period_s * _NS_PER_S), stopwatch_ns())
+        due_ns = now_ns = began_ns
+        while now_ns - began_ns < seconds * _NS_PER_S:
+            pause.until(due_ns)
+            now_ns = stopwatch_ns()
+            yield (now_ns - began_ns) / _NS_PER_S
+            due_ns = max(due_ns + int(period_s * _NS_PER_S), stopwatch_ns())
 
     def ask(self, request: str) -> str:
         """Send a line of the protocol; return its reply, without its end."""
