@@ -11,8 +11,9 @@ a reply.
 from typing import Final
 
 from hil.kst.jobs import Ended, ImpedanceServo, Mode, Motion, Outcome
+from hil.kst.phases import PHASES, Event, Phase
 from hil.kst.registers import STILL
-from hil.kst.session import PHASES, Event, KstSession, Phase
+from hil.kst.session import KstSession
 from hil.values.pose import NOWHERE
 from hil.values.servo import Snapshot, Vector
 from transport.kst import NAK, Command, Problem, Refused, Request, Served, Spec
@@ -71,9 +72,9 @@ class OriginalSession(KstSession):
     def _do(self, request: Request, now_ns: int) -> None:
         spec = request.spec
         if not spec.published:
-            self.count(Problem.UNKNOWN, f"a published server does not know {spec.token!r}, and is silent")
+            self.log.refuse(Problem.UNKNOWN, f"a published server does not know {spec.token!r}, and is silent")
         elif spec.served is Served.IDLE and not self._last:
-            self.count(Problem.BUSY, f"{request.text!r} was overwritten by the line that came with it: lost")
+            self.log.refuse(Problem.BUSY, f"{request.text!r} was overwritten by the line that came with it: lost")
         elif spec.served is Served.IDLE and self.busy:
             self._while_busy(request, now_ns)
         else:
@@ -85,7 +86,7 @@ class OriginalSession(KstSession):
         if self._defers and self.phase is Phase.MOTION:
             self._deferred = request
         else:
-            self.count(Problem.BUSY, f"{request.text!r} while the arm is at something else ({self.phase}): lost")
+            self.log.refuse(Problem.BUSY, f"{request.text!r} while the arm is at something else ({self.phase}): lost")
 
     def _free(self, now_ns: int) -> None:
         super()._free(now_ns)
@@ -114,7 +115,7 @@ class OriginalSession(KstSession):
             self.registers.joints_rad = (kept[0], *state.measured_position[1:])
 
     def _refuse(self, refused: Refused, now_ns: int) -> None:
-        self.count(refused.problem, refused.sentence)
+        self.log.refuse(refused.problem, refused.sentence)
         spec = refused.spec
         if spec is None:
             return
@@ -141,7 +142,7 @@ class OriginalSession(KstSession):
                 self._stalled_until_ns = now_ns + STALL_NS
         elif refused.problem is Problem.NO_NUMBER:
             self.deaf = True
-            self.tell("the reader of a published server is dead now: nothing is answered any more")
+            self.log.tell("the reader of a published server is dead now: nothing is answered any more")
             return
         self._answer(spec.reply)
 

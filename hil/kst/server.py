@@ -93,7 +93,7 @@ class KstServer:
         counters, refused, outputs = self._counters.copy(), self._refused.copy(), {}
         if visit is not None:
             counters += visit.session.counters
-            refused += visit.session.refused
+            refused += visit.session.log.refused
             outputs = dict(visit.session.outputs)
         return {
             "strict": self.settings.strict,
@@ -179,7 +179,7 @@ class KstServer:
                 await arm.abort()
             self._take_words(session)
             self._counters += session.counters
-            self._refused += session.refused
+            self._refused += session.log.refused
             self._visit = None
             braked = "; the arm brakes" if moving and not self.settings.strict else ""
             self._tell(f"{peer} is served no more: {connection.why}{braked}; {_in_short(session)}")
@@ -212,13 +212,13 @@ class KstServer:
                 return
 
     def _take_words(self, session: KstSession) -> None:
-        while session.told:
-            self._tell(session.told.popleft())
+        while session.log.told:
+            self._tell(session.log.told.popleft())
 
 
 def _in_short(session: KstSession) -> str:
     counters = session.counters
-    refused = sum(session.refused.values())
+    refused = sum(session.log.refused.values())
     return f"{counters['lines']} lines, {counters['set_points']} set-points, {refused} refused"
 
 

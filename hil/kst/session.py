@@ -6,11 +6,12 @@ that a published server serves gets the same bytes. :class:`hil.kst.original.Ori
 
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
-from enum import StrEnum
 from typing import Final, NamedTuple
 
 from hil.kst.feedback import numbers
 from hil.kst.jobs import Ended, ImpedanceServo, Job, JointMotion, LineMotion, Mode, Motion, Outcome
+from hil.kst.log import Log
+from hil.kst.phases import PHASES, Event, Phase
 from hil.kst.registers import STILL, Registers, pose_of, values_of
 from hil.kst.starts import mode_of, motion_of
 from hil.values.kst import KstSettings
@@ -38,47 +39,9 @@ OPEN_LINE_NS: Final = 1_000_000_000
 """A line that has no end for so long is told."""
 WAITING_MOST: Final = 8
 """Requests that wait for a real-time mode to end."""
-TOLD_MOST: Final = 200
-"""Sentences nobody has read yet; more are counted only."""
-TOLD_ALIKE: Final = 5
-"""Refusals of one kind that are told each; of those after them the tenth, hundredth, thousandth and so on."""
 _PIN_IS_HIGH: Final = True
 """As the servers for a flange without connectors have it."""
 
-
-class Phase(StrEnum):
-    """What the arm is at."""
-
-    IDLE = "idle"
-    MOTION = "motion"
-    SERVO = "real-time mode"
-    IMPEDANCE = "impedance"
-    STOPPING = "stopping"
-    """A real-time mode was told to stop, and has not ended."""
-
-
-class Event(StrEnum):
-    """What changes the phase."""
-
-    MOTION_STARTED = "motion started"
-    SERVO_STARTED = "real-time mode started"
-    IMPEDANCE_STARTED = "impedance started"
-    STOP_ASKED = "stop asked"
-    ENDED = "ended"
-
-
-PHASES: Final[Mapping[tuple[Phase, Event], Phase]] = {
-    (Phase.IDLE, Event.MOTION_STARTED): Phase.MOTION,
-    (Phase.IDLE, Event.SERVO_STARTED): Phase.SERVO,
-    (Phase.IDLE, Event.IMPEDANCE_STARTED): Phase.IMPEDANCE,
-    (Phase.SERVO, Event.STOP_ASKED): Phase.STOPPING,
-    (Phase.IMPEDANCE, Event.STOP_ASKED): Phase.STOPPING,
-    (Phase.MOTION, Event.ENDED): Phase.IDLE,
-    (Phase.SERVO, Event.ENDED): Phase.IDLE,
-    (Phase.IMPEDANCE, Event.ENDED): Phase.IDLE,
-    (Phase.STOPPING, Event.ENDED): Phase.IDLE,
-}
-"""What is not here changes nothing: a stop of what does not run is acknowledged, and that is all."""
 
 _SECOND_REPLY: Final = {Outcome.DONE: DONE, Outcome.INTERRUPTED: INTERRUPTED, Outcome.FAILED: NAK}
 
@@ -116,9 +79,7 @@ class KstSession:
         self.over = False
         """Whether the client ended it."""
         self.counters: Counter[str] = Counter()
-        self.refused: Counter[Problem] = Counter()
-        self.told: deque[str] = deque(maxlen=TOLD_MOST)
-        """Sentences for the log; the shell takes them."""
+        self.log = Log()
         self.outputs: dict[str, bool] = {}
         """Outputs that were set; nothing is connected to them."""
         self.tcp_in_flange = NOWHERE
@@ -163,12 +124,12 @@ class KstSession:
         self.counters[f"{phase} {ended.outcome}"] += 1
         if phase is Phase.MOTION:
             if ended.reason:
-                self.tell(f"the motion {ended.outcome}: {ended.reason}")
+                self.log.tell(f"the motion {ended.outcome}: {ended.reason}")
             self._held.append(_Held(self._acknowledged_ns + self.settings.motion_gap_ns, _SECOND_REPLY[ended.outcome]))
             return
         if ended.outcome is Outcome.FAILED:
             self._mode_ended = ended.reason
-            self.tell(f"the real-time mode ended, and set-points move nothing from now on: {ended.reason}")
+            self.log.tell(f"the real-time mode ended, and set-points move nothing from now on: {ended.reason}")
         if self._impedance and self.settings.second_acknowledgement:
             self._held.append(_Held(self._acknowledged_ns + self.settings.motion_gap_ns, DONE))
             return
@@ -181,7 +142,7 @@ class KstSession:
         """
         if self._open_since_ns is not None and now_ns >= self._open_since_ns + OPEN_LINE_NS:
             self._open_since_ns = None
-            self.count(Problem.NO_END, f"{self._cutter.open_line[:60]!r} waits for its line end, a LF, for 1 s")
+            self.log.refuse(Problem.NO_END, f"{self._cutter.open_line[:60]!r} waits for its line end, a LF, for 1 s")
         due, self._now = self._now, []
         while self._held and now_ns >= self._held[0].not_before_ns and all_acknowledged:
             due.append(self._held.popleft().reply)
@@ -190,18 +151,6 @@ class KstSession:
             self._now = []
         self.counters["replies"] += len(due)
         return due
-
-    def count(self, problem: Problem, sentence: str) -> None:
-        """Count something that was refused, and tell it."""
-        self.refused[problem] += 1
-        count = self.refused[problem]
-        if count <= TOLD_ALIKE or str(count).strip("0") == "1":
-            more = "" if count < TOLD_ALIKE else f" ({count} of this kind so far)"
-            self.tell(f"refused, {problem}: {sentence}{more}")
-
-    def tell(self, sentence: str) -> None:
-        """Say something in the log."""
-        self.told.append(sentence)
 
     def _take_line(self, line: bytes | None, *, last: bool, now_ns: int) -> None:  # noqa: ARG002  # for the original
         self.counters["lines"] += 1
@@ -230,7 +179,7 @@ class KstSession:
         self._refuse(Refused(Problem.BUSY, sentence, request.text, request.spec, request.values), now_ns)
 
     def _refuse(self, refused: Refused, now_ns: int) -> None:  # noqa: ARG002  # for the original
-        self.count(refused.problem, refused.sentence)
+        self.log.refuse(refused.problem, refused.sentence)
         if refused.spec is not None:
             self._forget_target(refused.spec.command)
             if refused.spec.reply is Feedback.NOTHING:
@@ -353,7 +302,7 @@ class KstSession:
         self._now.append(DONE)
 
     def _hand_guiding(self, request: Request, _now_ns: int) -> None:
-        self.tell(f"{request.text!r}: nobody guides an emulated arm by hand; acknowledged at once, nothing is done")
+        self.log.tell(f"{request.text!r}: nobody guides an emulated arm by hand; acknowledged at once, nothing is done")
         self._now.append(DONE)
 
     def _start_motion(self, request: Request, now_ns: int) -> None:
@@ -361,10 +310,10 @@ class KstSession:
         self._acknowledge(Event.MOTION_STARTED, now_ns)
         if isinstance(motion, str):
             # As a controller does that rejects a motion: its start is acknowledged, and its end is a nak.
-            self.count(Problem.NOT_POSSIBLE, motion)
+            self.log.refuse(Problem.NOT_POSSIBLE, motion)
             self.ended(Ended(Outcome.FAILED), now_ns=now_ns)
         elif isinstance(motion, JointMotion | LineMotion) and motion.conditional and not motion.conditions:
-            self.tell(f"{request.text!r} has no conditions: acknowledged twice, and nothing moves")
+            self.log.tell(f"{request.text!r} has no conditions: acknowledged twice, and nothing moves")
             self.ended(Ended(Outcome.DONE), now_ns=now_ns)
         else:
             self._arm.begin(motion)

@@ -87,8 +87,8 @@ class Bench:
 
     def told(self) -> str:
         """Return what was said in the log, and forget it."""
-        words = "\n".join(self.session.told)
-        self.session.told.clear()
+        words = "\n".join(self.session.log.told)
+        self.session.log.told.clear()
         return words
 
 

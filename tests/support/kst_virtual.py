@@ -82,8 +82,8 @@ class Visit:
 
     def _take(self) -> None:
         self._written += self.session.replies(now_ns=stopwatch_ns())
-        while self.session.told:
-            self.told.append(self.session.told.popleft())
+        while self.session.log.told:
+            self.told.append(self.session.log.told.popleft())
 
 
 @asynccontextmanager

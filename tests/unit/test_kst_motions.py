@@ -306,7 +306,7 @@ def test_limits_are_those_of_the_robot(hil_controller: VirtualController) -> Non
         settings = KstSettings((-0.5,) * 7, (0.5,) * 7)
         async with visit(settings) as robot:
             assert await robot.ask("jp_0_0_0_0.6_0_0_0_") == ["nak"]
-            assert robot.session.refused[Problem.OUT_OF_RANGE] == 1
+            assert robot.session.log.refused[Problem.OUT_OF_RANGE] == 1
 
     hil_controller.run_async(program())
     assert SETTINGS.watchdog_ms == 1000

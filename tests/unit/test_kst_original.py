@@ -4,7 +4,7 @@ import pytest
 
 from hil.kst.jobs import ImpedanceServo, JointMotion, LineMotion, Outcome, TorqueRange
 from hil.kst.original import STALL_NS, OriginalSession
-from hil.kst.session import Phase
+from hil.kst.phases import Phase
 from hil.values.kst import KstSettings
 from hil.values.pose import NOWHERE
 from tests.support.kst_session import BENT, DATA, MS, Bench, Transcript
@@ -51,7 +51,7 @@ def test_valid_programs_get_the_same_bytes(name: str) -> None:
 def test_what_it_does_not_know_is_met_with_silence(line: str) -> None:
     bench = original()
     assert bench.say(line) == []
-    assert sum(bench.session.refused.values()) == 1
+    assert sum(bench.session.log.refused.values()) == 1
     assert bench.say("blueOn") == [DONE]
 
 
@@ -64,7 +64,7 @@ def test_a_command_is_lost_while_it_moves() -> None:
     assert bench.say("Eef_pos") == []
     assert bench.say("getJointsPositions") != []
     assert bench.end() == [DONE]
-    assert bench.session.refused == {Problem.BUSY: 1}
+    assert bench.session.log.refused == {Problem.BUSY: 1}
 
 
 def test_the_last_command_during_a_conditional_motion_is_done_after_it() -> None:

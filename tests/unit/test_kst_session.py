@@ -20,7 +20,9 @@ from hil.kst.jobs import (
     TorqueRange,
     VelocityServo,
 )
-from hil.kst.session import OPEN_LINE_NS, PHASES, TOLD_MOST, Phase
+from hil.kst.log import TOLD_MOST
+from hil.kst.phases import PHASES, Phase
+from hil.kst.session import OPEN_LINE_NS
 from hil.values.kst import MOTION_GAP_NS, KstSettings
 from hil.values.pose import NOWHERE, Pose
 from tests.support.kst_session import BENT, DATA, MS, SETTINGS, STATES, Bench, Transcript
@@ -93,7 +95,7 @@ def test_a_start_while_it_moves_is_refused_and_the_motion_goes_on() -> None:
     bench = moving()
     assert bench.say("doPTPinJS") == [NAK]
     assert bench.say("TFtrans_1_2_3_0_0_0") == [NAK]
-    assert bench.session.refused[Problem.BUSY] == 2
+    assert bench.session.log.refused[Problem.BUSY] == 2
     assert "the arm is at something else (motion)" in bench.told()
     bench.wait(100)
     assert bench.end() == [DONE]
@@ -186,7 +188,7 @@ def test_a_motion_that_cannot_be_is_rejected_as_a_controller_does_it(start: str,
     assert bench.wait(GAP_MS) == [NAK]
     assert reason in bench.told()
     assert bench.arm.begun == []
-    assert bench.session.refused == {Problem.NOT_POSSIBLE: 1}
+    assert bench.session.log.refused == {Problem.NOT_POSSIBLE: 1}
     assert bench.say("Torques_m_J") != []
 
 
@@ -217,7 +219,7 @@ def test_a_set_point_that_is_refused_changes_nothing_and_the_mode_goes_on() -> N
     assert bench.session.registers.joints_rad == BENT
     assert bench.session.phase is Phase.SERVO
     assert bench.arm.stops == 0
-    assert sum(bench.session.refused.values()) == 5
+    assert sum(bench.session.log.refused.values()) == 5
     assert bench.say("jp_0.1_0_0_0_0_0_0_") == [DONE]
     assert bench.session.registers.joints_rad == (0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -291,7 +293,7 @@ def test_a_line_without_an_end_is_told_and_may_still_get_one() -> None:
     assert bench.wait(1000) == []
     assert "b'getJoints' waits for its line end" in bench.told()
     assert bench.send(b"Positions\n") == [b"0.0_0.0_0.0_-1.5707_0.0_1.5708_0.0_\n"]
-    assert bench.session.refused == {Problem.NO_END: 1}
+    assert bench.session.log.refused == {Problem.NO_END: 1}
 
 
 def test_a_line_too_long_and_binary_are_refused_and_the_session_lives() -> None:
@@ -299,7 +301,7 @@ def test_a_line_too_long_and_binary_are_refused_and_the_session_lives() -> None:
     assert bench.send(b"jp_" + b"0" * 5000) == [NAK]
     assert bench.send(b"\n") == []
     assert bench.send(bytes(range(11, 256)) + b"\n") == [NAK] * 2
-    assert bench.session.refused[Problem.TOO_LONG] == 1
+    assert bench.session.log.refused[Problem.TOO_LONG] == 1
     assert bench.say("blueOn") == [DONE]
 
 
@@ -307,7 +309,7 @@ def test_refusals_are_told_at_first_and_then_counted() -> None:
     bench = Bench()
     for _ in range(250):
         bench.say("foo")
-    assert bench.session.refused[Problem.UNKNOWN] == 250
+    assert bench.session.log.refused[Problem.UNKNOWN] == 250
     # The first five, the tenth and the hundredth.
     assert bench.told().count("\n") == 5 + 2 - 1
 
@@ -346,7 +348,7 @@ def test_whatever_comes_the_session_neither_raises_nor_grows(story: list[bytes |
         else:
             writes = bench.wait(step)
         assert all(0 < len(write) <= 1024 for write in writes)
-    assert len(bench.session.told) <= TOLD_MOST
+    assert len(bench.session.log.told) <= TOLD_MOST
     assert len(bench.session._waiting) <= 8
 
 
