@@ -352,6 +352,46 @@ def chain(  # noqa: PLR0917  # typer makes the options of the parameters
 
 
 @app.command()
+def kst(
+    robot: Robot = "lbr-iiwa-14-r820",
+    backend: Backend = "mujoco",
+    seconds: Annotated[float, typer.Option(min=1.0, help="Length of each loop.")] = 15.0,
+    nagle: Annotated[bool, typer.Option("--nagle", help="With Nagle's algorithm on at the server.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Set-points a second that a KST program gets acknowledged, waiting for each, with an FRI client that watches."""
+    from dataclasses import asdict
+
+    from tools.bench.kst import LOOPS, bench_kst
+    from tools.bench.machine import machine
+
+    with _progress("seconds", len(LOOPS) * seconds) as (bar, task):
+        report = bench_kst(
+            robot=robot,
+            backend=backend,
+            seconds=seconds,
+            nagle=nagle,
+            progress=lambda done: bar.update(task, completed=done),
+        )
+    bounds = report.bounds()
+    if as_json:
+        found = {"machine": machine(), **asdict(report), "bounds": [bound._asdict() for bound in bounds]}
+        typer.echo(json.dumps(found, indent=2))
+        return
+    console = Console()
+    _print_machine(console, machine())
+    table = Table("set-points", "Hz", "p50 ms", "p99 ms", "p99.9 ms", "max ms", title="set-point to reply")
+    for loop in report.loops:
+        table.add_row(loop.name, f"{loop.rate_hz:.0f}", *(f"{value:.3f}" for value in loop.round_trip_ms.values()))
+    console.print(table)
+    console.print(
+        f"the controller meanwhile: {report.robot['rate_hz']:.2f} Hz, lateness p99 "
+        f"{report.robot['lateness_us']['p99']:.0f} us, {report.robot['missed_cycles']} cycles missed"
+    )
+    _print_bounds(console, bounds)
+
+
+@app.command()
 def can402(
     robot: Robot = "lbr-iiwa-14-r820",
     cycles: Annotated[int, typer.Option(min=100, help="Cycles to measure.")] = 5000,

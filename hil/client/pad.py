@@ -251,6 +251,11 @@ class PadClient:
         told = self._answer("describe", {})
         return {"robots": told["robots"], "objects": told["objects"]}
 
+    def kst(self) -> dict[str, dict[str, Any] | None]:
+        """Return what the KST server of each robot did; None for a robot without one."""
+        robots: dict[str, dict[str, Any] | None] = self._answer("kst", {})["robots"]
+        return robots
+
     def start_capture(self, writer: Path, file: Path, ring: str | None = None) -> CaptureInfo:
         """Record to the process that listens at ``writer`` and writes ``file``; ``ring`` is FILESxSIZE."""
         told: dict[str, object] = {"capture": "start", "writer": str(writer), "file": str(file)}

@@ -59,6 +59,14 @@ overlay = "joint-position"    # none, joint-position, torque, wrench, cartesian-
 bind = "127.0.0.1:30300"      # where applications (hil.client.servo) connect to
 # key_file = "servo.key"      # pre-shared key; make one with: hil config key servo.key
 
+# [robot.kst]                 # a server for KST programs (MATLAB, Python) over TCP; it needs the servo link
+# bind = "127.0.0.1:30001"    # where they connect to
+# strict = false              # do as a published server does, its faults included
+# nagle = false               # leave Nagle's algorithm on, as a published server does
+# watchdog_ms = 1000          # silence in velocity mode that stops the arm; 0: none
+# unproven_load = "replace"   # impedance with a load that is not the true one: replace (by the true one), refuse
+# second_acknowledgement = true  # acknowledge the end of impedance once more, as published servers do
+
 # Frames for Cartesian destinations, each in its parent: mm, and degrees A, B, C as Rz(A) Ry(B) Rx(C); default 0.
 # [robot.base]                # the robot base in the world
 # z_mm = 0.0

@@ -88,7 +88,8 @@ class ServoArm(Arm):
             context = Context(client, self.registers, self._settings, self._tell, self._now_ns, stop)
             ended = await _do(job, context)
         except HilError as error:
-            ended = Ended(Outcome.FAILED, str(error))
+            # What the manual has no text for, the figures, is in the notes.
+            ended = Ended(Outcome.FAILED, "; ".join([str(error), *getattr(error, "__notes__", ())]))
         except Exception as error:  # noqa: BLE001  # a bug of ours must not leave a client waiting for ever
             ended = Ended(Outcome.FAILED, f"the server failed: {error!r}")
         self._ended(ended)

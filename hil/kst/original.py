@@ -2,14 +2,15 @@
 
 What it reproduces: silence for what it does not know and for what comes while it moves; one slot for the commands its
 main loop serves, which the next line overwrites; a reader that a wrong number kills, a real-time mode that one ends,
-and seconds of stall for a value too many; an attached tool forgotten after an error; the end of the server when a
+and seconds of stall for a value too many; a conditional circle that is a joint motion, and a conditional relative line
+that is an absolute one; an attached tool forgotten after an error; the end of the server when a
 session ends, and none at all when a client vanishes. What it does not: the race that loses a command within 0.1 ms of
 a reply.
 """
 
 from typing import Final
 
-from hil.kst.jobs import Ended, ImpedanceServo, Mode, Outcome
+from hil.kst.jobs import Ended, ImpedanceServo, Mode, Motion, Outcome
 from hil.kst.registers import STILL
 from hil.kst.session import PHASES, Event, KstSession, Phase
 from hil.values.pose import NOWHERE
@@ -95,6 +96,15 @@ class OriginalSession(KstSession):
 
     def _outside(self, position_rad: Vector) -> str:  # noqa: ARG002  # the controller judges
         return ""
+
+    def _motion_of(self, request: Request) -> Motion | str:
+        if request.spec.command is Command.MOVE_CIRCLE_UNTIL:
+            # It mixes them up.
+            spec = request.spec._replace(command=Command.MOVE_JOINTS_UNTIL)
+            request = request._replace(spec=spec)
+        elif request.spec.command is Command.MOVE_LINE_UNTIL:
+            request = request._replace(text=request.spec.token)
+        return super()._motion_of(request)
 
     def _preset(self, mode: Mode, state: Snapshot, now_ns: int) -> None:
         kept = self.registers.joints_rad or STILL

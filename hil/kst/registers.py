@@ -8,6 +8,7 @@ from hil.values.servo import Vector
 
 STILL: Final[Vector] = (0.0,) * 7
 _MM: Final = 1e-3
+_MM_PER_M: Final = 1e3
 
 
 @dataclass(slots=True)
@@ -39,4 +40,4 @@ def pose_of(values: Vector) -> Pose:
 def values_of(pose: Pose) -> Vector:
     """Return x, y, z in mm and A, B, C in rad."""
     x, y, z = pose.position_m
-    return (x / _MM, y / _MM, z / _MM, *pose.abc_rad())
+    return (x * _MM_PER_M, y * _MM_PER_M, z * _MM_PER_M, *pose.abc_rad())

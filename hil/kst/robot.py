@@ -23,11 +23,16 @@ class Robot:
         """Whether the session runs."""
         return self._client is not None and self._client.session.running
 
-    def state(self) -> Snapshot:
-        """Return the controller's latest state; raise :class:`HilError` where there is no session."""
+    @property
+    def client(self) -> AsyncServoClient:
+        """The client of the session; raise :class:`EndpointError` where there is none."""
         if self._client is None:
             raise EndpointError("there is no session at the controller")
-        return self._client.read_state()
+        return self._client
+
+    def state(self) -> Snapshot:
+        """Return the controller's latest state; raise :class:`HilError` where there is no session."""
+        return self.client.read_state()
 
     async def connect(self) -> None:
         """Begin a session; raise :class:`HilError`."""
@@ -39,9 +44,7 @@ class Robot:
 
     async def commander(self) -> AsyncServoClient:
         """Return the client that may move the arm; raise :class:`HilError` while somebody else has it."""
-        client = self._client
-        if client is None:
-            raise EndpointError("there is no session at the controller")
+        client = self.client
         if client.role is not Role.COMMANDER:
             commander = await self._connected(Role.COMMANDER)
             self._client = commander

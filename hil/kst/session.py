@@ -10,7 +10,7 @@ from enum import StrEnum
 from typing import Final, NamedTuple
 
 from hil.kst.feedback import numbers
-from hil.kst.jobs import Ended, ImpedanceServo, Job, JointMotion, LineMotion, Mode, Outcome
+from hil.kst.jobs import Ended, ImpedanceServo, Job, JointMotion, LineMotion, Mode, Motion, Outcome
 from hil.kst.registers import STILL, Registers, pose_of, values_of
 from hil.kst.starts import mode_of, motion_of
 from hil.values.kst import KstSettings
@@ -357,7 +357,7 @@ class KstSession:
         self._now.append(DONE)
 
     def _start_motion(self, request: Request, now_ns: int) -> None:
-        motion = motion_of(request, self.registers, self.tcp_in_flange)
+        motion = self._motion_of(request)
         self._acknowledge(Event.MOTION_STARTED, now_ns)
         if isinstance(motion, str):
             # As a controller does that rejects a motion: its start is acknowledged, and its end is a nak.
@@ -368,6 +368,9 @@ class KstSession:
             self.ended(Ended(Outcome.DONE), now_ns=now_ns)
         else:
             self._arm.begin(motion)
+
+    def _motion_of(self, request: Request) -> Motion | str:
+        return motion_of(request, self.registers, self.tcp_in_flange)
 
     def _start_mode(self, request: Request, now_ns: int) -> None:
         mode = mode_of(request, self.tcp_in_flange)

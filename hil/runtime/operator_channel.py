@@ -50,6 +50,9 @@ class PadRobot(Protocol):
     def description(self) -> dict[str, object]:
         """Return what stays the same while it runs; what JSON can say."""
 
+    def kst_report(self) -> dict[str, object] | None:
+        """Return what its KST server did; what JSON can say. None where it has none."""
+
 
 class PadCaptures(Protocol):
     """The recordings of the run as the pad sees them."""
@@ -254,6 +257,10 @@ class OperatorChannel:
         if request.describe:
             robots = {name: self._robots[name].description() for name in names}
             connection.answer({"ok": True, "robots": robots, "objects": self._objects}, request.request_id)
+            return
+        if request.kst:
+            reports = {name: self._robots[name].kst_report() for name in names}
+            connection.answer({"ok": True, "robots": reports}, request.request_id)
             return
         told: Message = {"ok": True, "robots": self._states(names)}
         if self._captures is not None:

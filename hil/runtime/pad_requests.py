@@ -31,6 +31,8 @@ class PadRequest(NamedTuple):
     capture: "CaptureRequest | None" = None
     describe: bool = False
     """Whether it asks for what stays the same while the controller runs."""
+    kst: bool = False
+    """Whether it asks for what the KST servers did."""
 
 
 class CaptureRequest(NamedTuple):
@@ -204,6 +206,10 @@ def _describe(_what: str, _fields: Mapping[str, Any]) -> PadRequest:
     return PadRequest(describe=True)
 
 
+def _kst(_what: str, _fields: Mapping[str, Any]) -> PadRequest:
+    return PadRequest(kst=True)
+
+
 def _watch(_what: str, _fields: Mapping[str, Any]) -> PadRequest:
     return PadRequest(watch=True)
 
@@ -219,6 +225,7 @@ _REQUESTS: Final[Mapping[str, tuple[tuple[str, ...], Callable[[str, Mapping[str,
     "status": ((), _status),
     "watch": ((), _watch),
     "describe": ((), _describe),
+    "kst": ((), _kst),
 }
 """By ``do``: the keys it has beside those all have, and what reads it."""
 

@@ -3,6 +3,7 @@
 import asyncio
 import os
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from hil.clock import Clock, elapsed_ns, let_others_run, unix_time_ns
 from hil.config.station import Overrun, RobotConfig
@@ -31,6 +32,9 @@ from hil.values.link import Address, Source
 from hil.values.operator import OperatorAction
 from hil.values.surroundings import Surroundings
 from transport.udp import Arrival, open_peer_endpoint, open_server_endpoint
+
+if TYPE_CHECKING:
+    from hil.runtime.kst import KstProcess
 
 CATCH_UP_MOST = 20
 LATE_NS = 300_000
@@ -81,6 +85,8 @@ class RobotProcess:
         self._epoch_ns = 0
         self._unix_epoch_ns = 0
         self._token_secret = b""
+        self.kst: KstProcess | None = None
+        """The KST server beside it, where it has one; whoever runs it tells."""
 
     @property
     def controller(self) -> Controller:
@@ -154,6 +160,10 @@ class RobotProcess:
             "moves_real_drives": self.moves_real_drives,
         }
 
+    def kst_report(self) -> dict[str, object] | None:
+        """Return what the KST server beside it did; None where it has none."""
+        return None if self.kst is None else self.kst.report()
+
     def _latency(self) -> dict[str, float | None]:
         """Return how long the client's last answer took, and how late the last cycle began; ms."""
         fri = self.controller.fri
@@ -218,7 +228,9 @@ class RobotProcess:
             pacer.close()
 
     def close(self) -> None:
-        """Release sockets and robot side."""
+        """Release sockets, robot side and what runs beside it."""
+        if self.kst is not None:
+            self.kst.close()
         for port in self._ports.values():
             port.close()
         if self._parts is not None:
@@ -233,6 +245,7 @@ class RobotProcess:
             **self.measurements.report(),
             **self.controller.report(),
             "fri": self._fri_report(),
+            "kst": self.kst_report(),
             "servo_bound": str(bound) if (bound := self.local_address(SERVO_LINK)) is not None else None,
         }
 

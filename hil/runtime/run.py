@@ -74,7 +74,6 @@ class _Run:
         self._captures: Captures | None = None
         self._probe: TcpProbe | None = None
         self._view: ViewProcess | None = None
-        self._kst: dict[str, KstProcess] = {}
         self._epoch_ns = 0
         self._surroundings = station.surroundings()
 
@@ -92,7 +91,7 @@ class _Run:
             # Before the process asks for real time: a child inherits that, and this one must not have it.
             self._probe = self._open_probe()
             self._robots = [self._robot(number, config) for number, config in enumerate(self._station.robot)]
-            self._kst = self._open_kst()
+            self._open_kst()
             self._captures = self._open_captures()
             for robot in self._robots:
                 await robot.open()
@@ -112,8 +111,6 @@ class _Run:
                 self._probe.close()
             if self._view is not None:
                 self._view.close()
-            for kst in self._kst.values():
-                kst.close()
             if self._pad is not None:
                 self._pad.close()
             for robot in self._robots:
@@ -165,26 +162,22 @@ class _Run:
             )
         return ViewProcess(place, self._pad.path, say=self._console.say)
 
-    def _open_kst(self) -> "dict[str, KstProcess]":
+    def _open_kst(self) -> None:
         """Bind the KST servers, so that an address in use is told before anything moves."""
-        if all(config.kst is None for config in self._station.robot):
-            return {}
-        from hil.runtime.kst import KstProcess
-
-        served: dict[str, KstProcess] = {}
-        for config in self._station.robot:
+        for robot in self._robots:
+            config = robot.config
             if config.kst is not None:
+                from hil.runtime.kst import KstProcess
+
                 bind = parse_address(config.kst.bind, default_port=KST_PORT)
-                say = partial(self._say_of, config.name)
-                served[config.name] = KstProcess(bind, config.kst.settings(robot_description(config)), say=say)
-        return served
+                settings = config.kst.settings(robot_description(config))
+                robot.kst = KstProcess(bind, settings, say=partial(self._say_of, config.name))
 
     def _start_kst(self) -> None:
         for robot in self._robots:
-            kst, servo = self._kst.get(robot.config.name), robot.config.servo
-            controller = robot.local_address(SERVO_LINK)
-            if kst is not None and servo is not None and controller is not None:
-                kst.start(controller, state_period_ms=robot.config.cycle_ms, key_file=servo.key_file)
+            servo, controller = robot.config.servo, robot.local_address(SERVO_LINK)
+            if robot.kst is not None and servo is not None and controller is not None:
+                robot.kst.start(controller, state_period_ms=robot.config.cycle_ms, key_file=servo.key_file)
 
     def _say_of(self, name: str, line: str) -> None:
         self._console.say(f"{name}: {line}")
@@ -212,6 +205,8 @@ class _Run:
     def _say_start(self) -> None:
         for robot in self._robots:
             self._console.say(_serving(robot))
+            if robot.kst is not None:
+                self._console.say(_serving_kst(robot.config.name, robot.kst))
             if robot.config.permissive:
                 self._console.say(f"{robot.config.name}: PERMISSIVE: the monitors only report, they stop nothing")
             if reason := robot.controller.operator.reason:
@@ -219,8 +214,6 @@ class _Run:
                 self._console.say(f"{robot.config.name}: nothing may move: {reason}{unreachable}")
         if self._pad is not None:
             self._console.say(f"pad: hil pad finds this controller at {self._pad.path}")
-        for name, kst in self._kst.items():
-            self._console.say(f"{name}: kst: programs at TCP {kst.local}{', strict' if kst.settings.strict else ''}")
         if self._probe is not None:
             self._console.say(f"tcp probe: hil doctor tcp {self._probe.local} ({self._probe.behaviour} peer)")
         for wish in self._wishes:
@@ -261,10 +254,6 @@ class _Run:
         for robot in self._robots:
             self._console.say(progress_line(robot, elapsed_s=elapsed_s, duration_s=self._options.duration_s))
 
-    def _kst_report(self, robot: RobotProcess) -> dict[str, object] | None:
-        kst = self._kst.get(robot.config.name)
-        return None if kst is None else kst.report()
-
     def _status(self, fault: str | None, capture: dict[str, object] | None) -> dict[str, object]:
         return {
             "software": SOFTWARE,
@@ -273,7 +262,7 @@ class _Run:
             "capture": capture,
             "pad": None if self._pad is None else self._pad.report(),
             "tcp_probe": None if self._probe is None else self._probe.report(),
-            "robots": {robot.config.name: {**robot.report(), "kst": self._kst_report(robot)} for robot in self._robots},
+            "robots": {robot.config.name: robot.report() for robot in self._robots},
         }
 
 
@@ -289,6 +278,13 @@ def _serving(robot: RobotProcess) -> str:
         key = "with the key of its file" if config.servo.key_file is not None else "no key"
         text += f"; applications at {robot.local_address(SERVO_LINK)}, {key}"
     return text
+
+
+def _serving_kst(name: str, kst: "KstProcess") -> str:
+    settings = kst.settings
+    strict = ", strictly as published" if settings.strict else ""
+    nagle = ", with Nagle's algorithm" if settings.nagle else ""
+    return f"{name}: KST programs at TCP {kst.local}{strict}{nagle}"
 
 
 def _check_status_file(file: Path | None, *, capture: Path | None) -> None:

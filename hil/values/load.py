@@ -1,15 +1,15 @@
-"""What hangs on the flange, or on a tool: mass, centre of mass, inertia. SI units."""
+"""What hangs on the flange, or on a tool: mass, centre of mass, inertia; and a tool of a program's own. SI units."""
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil.values.errors import ConfigurationError
 from hil.values.motion import ParameterRange
-from hil.values.pose import Pose
+from hil.values.pose import NOWHERE, Pose
 from hil.values.robot import Three
 
 
@@ -56,3 +56,12 @@ class Load:
 
 
 NO_LOAD: Final = Load()
+
+
+class AttachedTool(NamedTuple):
+    """A tool that a program attaches to the flange by itself, with no need of a place in the robot's frames."""
+
+    load: Load = NO_LOAD
+    """In the flange; what is reckoned with while the tool is moved."""
+    tcp_in_flange: Pose = NOWHERE
+    """What Cartesian destinations are for, and where Cartesian impedance acts."""

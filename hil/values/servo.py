@@ -16,6 +16,7 @@ from hil.values.arm import Contact
 from hil.values.control import POSITION_CONTROL, ControlModeSettings
 from hil.values.frames import FLANGE, Frame
 from hil.values.fri import ControlMode
+from hil.values.load import AttachedTool
 from hil.values.motion import FineInterpolatorState, MotionEnd, MotionKind, MotionParameters, MotionPhase
 from hil.values.operator import OperatorView
 from hil.values.pose import Pose
@@ -84,6 +85,8 @@ class StartMotion(NamedTuple):
     mode: ControlModeSettings = POSITION_CONTROL
     frame: str = FLANGE
     """What is moved: the load of its tool is the one to reckon with, and impedance acts in it."""
+    tool: AttachedTool | None = None
+    """A tool of the application's own, which is moved instead of ``frame``."""
 
 
 class SetDestination(NamedTuple):
@@ -119,6 +122,8 @@ class ValidateLoad(NamedTuple):
 
     number: int
     frame: str
+    tool: AttachedTool | None = None
+    """A tool of the application's own, whose load is meant instead of that of ``frame``."""
 
 
 class PushArm(NamedTuple):

@@ -51,6 +51,9 @@ class Notes:
     def operator_state(self) -> dict[str, object]:
         return {"mode": self.mode, "filling": self.filling, "cycles": len(self.actions), "time_s": 0.0}
 
+    def kst_report(self) -> dict[str, object] | None:
+        return {"sessions": 3}
+
     def description(self) -> dict[str, object]:
         return {"model": "lbr-iiwa-14-r820"}
 

@@ -11,18 +11,22 @@ from hil.client.servo import (
     PTP,
     AsyncServoClient,
     AsyncSmartServo,
+    AttachedTool,
     CartesianImpedanceControlMode,
     DirectServo,
     IllegalArgumentException,
     IllegalStateException,
     JointImpedanceControlMode,
+    Load,
     OutOfRange,
+    Pose,
     Role,
     ServoClient,
     SmartServo,
     by_translation,
 )
-from hil.values.servo import ChangeControlMode, PushArm, StartMotion
+from hil.values.frames import FLANGE
+from hil.values.servo import ChangeControlMode, PushArm, StartMotion, ValidateLoad
 from tests.support.servo_controller import START
 from tests.support.servo_served import Served, served
 
@@ -55,6 +59,20 @@ def test_a_motion_tells_its_mode_and_what_it_moves(
         assert (start.mode, start.frame) == (SOFT, "tip")
         with pytest.raises(IllegalStateException, match="its control mode is set before move_async"):
             motion.set_mode(STIFFER)
+
+
+def test_a_tool_of_the_program_s_own_travels_with_the_motion(controller: Served) -> None:
+    tool = AttachedTool(Load(1.5, (0.0, 0.0, 0.05)), Pose(0.0, 0.0, 0.1))
+    goal = Pose(0.4, 0.0, 0.6)
+    with ServoClient(controller.address) as robot:
+        robot.validate_for_impedance_mode(tool)
+        robot.move_async(PTP(goal), tool)
+        [start] = taken(controller, StartMotion)
+        asked = taken(controller, ValidateLoad)[-1]
+        assert (start.tool, start.frame, asked.tool) == (tool, FLANGE, tool)
+        assert start.flange_in_base.position_m == pytest.approx((0.4, 0.0, 0.5))
+        with pytest.raises(IllegalArgumentException, match="finite"):
+            robot.move_async(SmartServo(), AttachedTool(Load(), Pose(math.nan, 0.0, 0.0)))
 
 
 def test_the_parameters_change_while_the_motion_runs_and_the_kind_does_not(controller: Served) -> None:

@@ -21,7 +21,7 @@ from hil.values.control import (
 from hil.values.errors import ConfigurationError, HilError, MalformedDatagram
 from hil.values.frames import FLANGE, MAX_FRAME_NAME_BYTES, MAX_FRAMES, Frame, FrameKind
 from hil.values.fri import ControlMode, OperationMode, SafetyState
-from hil.values.load import Load
+from hil.values.load import AttachedTool, Load
 from hil.values.motion import (
     MAX_MOTIONS,
     FineInterpolatorState,
@@ -149,6 +149,11 @@ CONTROL: st.SearchStrategy[ControlModeSettings] = st.one_of(
     CARTESIAN,
     st.builds(CartesianSineImpedanceControlMode, CARTESIAN, OSCILLATIONS),
 )
+MOMENTS = st.floats(0.5, 0.9)
+LOADS = st.builds(
+    Load, st.floats(0.0, 50.0), st.tuples(*[FINITE] * 3), st.tuples(*[MOMENTS] * 3), st.tuples(*[FINITE] * 3)
+)
+TOOLS = st.one_of(st.none(), st.builds(AttachedTool, LOADS, POSES))
 REQUESTS: st.SearchStrategy[Request] = st.one_of(
     st.builds(SetDestination, NUMBERS, NUMBERS, MAYBE_VECTOR, MAYBE_VECTOR, MAYBE_POSE),
     st.builds(
@@ -160,9 +165,10 @@ REQUESTS: st.SearchStrategy[Request] = st.one_of(
         MAYBE_POSE,
         CONTROL,
         st.one_of(st.just(FLANGE), FRAME_NAMES.filter(bool)),
+        TOOLS,
     ),
     st.builds(ChangeControlMode, NUMBERS, NUMBERS, CONTROL),
-    st.builds(ValidateLoad, NUMBERS, FRAME_NAMES),
+    st.builds(ValidateLoad, NUMBERS, FRAME_NAMES, TOOLS),
     st.builds(PushArm, NUMBERS, SMALL, vectors(), vectors(), FLOATS),
     st.builds(SetRuntimeParameters, NUMBERS, NUMBERS, st.one_of(st.none(), FLOATS), MAYBE_BOOL, MAYBE_BOOL),
     st.builds(StopMotion, NUMBERS, NUMBERS),
@@ -191,10 +197,6 @@ COMMANDS = st.builds(
 FROM_CLIENT: st.SearchStrategy[FromClient] = st.one_of(HELLOS, COMMANDS, st.builds(Goodbye, NUMBERS, NUMBERS))
 
 REASONS, DETAILS = texts(MAX_REASON_BYTES), texts(MAX_DETAIL_BYTES)
-MOMENTS = st.floats(0.5, 0.9)
-LOADS = st.builds(
-    Load, st.floats(0.0, 50.0), st.tuples(*[FINITE] * 3), st.tuples(*[MOMENTS] * 3), st.tuples(*[FINITE] * 3)
-)
 FRAMES = st.builds(Frame, FRAME_NAMES, st.sampled_from(FrameKind), FRAME_NAMES, POSES, st.one_of(st.none(), LOADS))
 REPORTS: st.SearchStrategy[Report] = st.one_of(
     st.builds(RequestDone, NUMBERS, NUMBERS, TIMES),
@@ -919,6 +921,23 @@ def _load(mass: float = 1.0, centre: int = 3, inertia: int = 6, moment: float = 
     return servo_pb2.Load(mass_kg=mass, centre_m=[0.0] * centre, inertia_kg_m2=[moment] * inertia)
 
 
+def _with_tool(load: servo_pb2.Load, *pose: float) -> tuple[servo_pb2.Request, ...]:
+    """Return the two requests that have a tool."""
+    tool = servo_pb2.AttachedTool(load=load, tcp_in_flange=servo_pb2.Pose(value=pose))
+    start = servo_pb2.StartMotion(kind=servo_pb2.KIND_PTP, parameters=_PARAMETERS, tool=tool)
+    return servo_pb2.Request(start=start), servo_pb2.Request(validate=servo_pb2.ValidateLoad(tool=tool))
+
+
+_SOMEWHERE = (0.0, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0)
+NO_TOOLS: list[tuple[servo_pb2.Load, tuple[float, ...], str]] = [
+    (_load(mass=-1.0), _SOMEWHERE, "a load no tool has: load mass"),
+    (_load(mass=NAN), _SOMEWHERE, "1 finite numbers are needed"),
+    (servo_pb2.Load(), _SOMEWHERE, "a centre of mass of ()"),
+    (_load(), (), "a pose of 0 numbers, 7 are needed"),
+    (_load(), (*_SOMEWHERE[:3], 0.0, 0.0, 0.0, 0.0), "length of the quaternion"),
+]
+
+
 def _under(mode: servo_pb2.ControlMode) -> tuple[servo_pb2.Request, ...]:
     """Return the two requests that have a mode."""
     start = servo_pb2.StartMotion(kind=servo_pb2.KIND_PTP, parameters=_PARAMETERS, mode=mode)
@@ -986,6 +1005,7 @@ NO_PACKET_FROM_CLIENT: list[tuple[servo_pb2.Packet, str]] = [
     *((_asking(_going_to(*numbers)), words) for numbers, words in NO_POSES),
     *((_asking(_starting_at(*numbers)), words) for numbers, words in NO_POSES),
     *((_asking(request), words) for mode, words in NO_MODES for request in _under(mode)),
+    *((_asking(request), words) for load, pose, words in NO_TOOLS for request in _with_tool(load, *pose)),
 ]
 
 

@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
@@ -23,7 +24,7 @@ from hil.values.control import (
 )
 from hil.values.frames import FLANGE, Frame, FrameKind, FrameTree
 from hil.values.fri import ControlMode, OperationMode
-from hil.values.load import NO_LOAD, Load
+from hil.values.load import NO_LOAD, AttachedTool, Load
 from hil.values.motion import MotionEnd, MotionKind, MotionParameters
 from hil.values.operator import PadKey
 from hil.values.pose import Pose
@@ -202,6 +203,35 @@ def test_a_wrong_load_is_found_and_said() -> None:
     assert "Nm are allowed" in said
     assert arm.validate(FLANGE).startswith("the load of 0 kg")
     assert arm.ask_to_start(JointImpedanceControlMode(), TCP).reason == NOT_VALIDATED
+
+
+def test_a_tool_of_the_application_s_own_is_validated_and_impedance_acts_in_its_tcp() -> None:
+    arm = Impedance(true=GRIPPER)
+    own = AttachedTool(GRIPPER, Pose(0.0, 0.0, 0.3))
+    for tool, reason in ((AttachedTool(NO_LOAD), "the load of 0 kg that was told"), (own, "")):
+        [done] = arm.application.ask(partial(ValidateLoad, frame=FLANGE, tool=tool))
+        [told] = [
+            report
+            for report in arm.application.reports
+            if isinstance(report, LoadValidated) and report.request == done.request
+        ]
+        assert told.reason.startswith(reason)
+        assert bool(told.reason) == bool(reason)
+    soft = CartesianImpedanceControlMode(by_translation(1000.0, 200.0))
+    make = partial(StartMotion, kind=MotionKind.SMART_SERVO, parameters=MotionParameters(), destination=None, mode=soft)
+    [refused] = arm.application.ask(lambda number: make(number, tool=AttachedTool(Load(1.0))))
+    assert (refused.reason, "validate the load of the tool, 1 kg" in refused.detail) == (NOT_VALIDATED, True)
+    [done] = arm.application.ask(lambda number: make(number, tool=own))
+    assert not done.error, done
+    arm.application.run(0.05)
+    before = arm.flange
+    # A moment about y is a rotation about the TCP: its place stays, and the flange moves on a circle about it.
+    arm.bench.controller.operate(Push(7, (0.0, 0.0, 0.0), (0.0, 10.0, 0.0), 30.0), now_ns=arm.bench.now_ns)
+    arm.run(3.0)
+    after = arm.flange
+    assert before.angle_rad(after) == pytest.approx(10.0 / 200.0, rel=0.05)
+    assert (before @ own.tcp_in_flange).distance_m(after @ own.tcp_in_flange) < 2e-3
+    assert before.distance_m(after) == pytest.approx(0.3 * 10.0 / 200.0, rel=0.2)
 
 
 def test_no_load_is_validated_in_a_singularity_or_while_the_arm_moves() -> None:

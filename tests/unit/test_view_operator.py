@@ -35,6 +35,9 @@ class Notes:
     def operator_state(self) -> dict[str, object]:
         return {}
 
+    def kst_report(self) -> dict[str, object] | None:
+        return {"sessions": 3}
+
     def description(self) -> dict[str, object]:
         return {}
 

@@ -368,6 +368,22 @@ local SERVO_PACKET = {
                   },
                 }},
                 [6] = {name = "frame", path = "servo.command.request.start.frame", label = "Frame", kind = "string"},
+                [7] = {name = "tool", path = "servo.command.request.start.tool", label = "Tool", kind = "message", message = {
+                  fields = {
+                    [1] = {name = "load", path = "servo.command.request.start.tool.load", label = "Load", kind = "message", message = {
+                      fields = {
+                        [1] = {name = "mass_kg", path = "servo.command.request.start.tool.load.mass_kg", label = "Mass [kg]", kind = "double"},
+                        [2] = {name = "centre_m", path = "servo.command.request.start.tool.load.centre_m", label = "Centre [m]", kind = "double", repeated = true},
+                        [3] = {name = "inertia_kg_m2", path = "servo.command.request.start.tool.load.inertia_kg_m2", label = "Inertia [kg m2]", kind = "double", repeated = true},
+                      },
+                    }},
+                    [2] = {name = "tcp_in_flange", path = "servo.command.request.start.tool.tcp_in_flange", label = "Tcp in flange", kind = "vector", message = {
+                      fields = {
+                        [1] = {name = "value", path = "servo.command.request.start.tool.tcp_in_flange", label = "Tcp in flange", kind = "double", repeated = true},
+                      },
+                    }},
+                  },
+                }},
               },
             }},
             [3] = {name = "destination", path = "servo.command.request.destination", label = "Destination", kind = "message", message = {
@@ -457,6 +473,22 @@ local SERVO_PACKET = {
             [9] = {name = "validate", path = "servo.command.request.validate", label = "Validate", kind = "message", message = {
               fields = {
                 [1] = {name = "frame", path = "servo.command.request.validate.frame", label = "Frame", kind = "string"},
+                [2] = {name = "tool", path = "servo.command.request.validate.tool", label = "Tool", kind = "message", message = {
+                  fields = {
+                    [1] = {name = "load", path = "servo.command.request.validate.tool.load", label = "Load", kind = "message", message = {
+                      fields = {
+                        [1] = {name = "mass_kg", path = "servo.command.request.validate.tool.load.mass_kg", label = "Mass [kg]", kind = "double"},
+                        [2] = {name = "centre_m", path = "servo.command.request.validate.tool.load.centre_m", label = "Centre [m]", kind = "double", repeated = true},
+                        [3] = {name = "inertia_kg_m2", path = "servo.command.request.validate.tool.load.inertia_kg_m2", label = "Inertia [kg m2]", kind = "double", repeated = true},
+                      },
+                    }},
+                    [2] = {name = "tcp_in_flange", path = "servo.command.request.validate.tool.tcp_in_flange", label = "Tcp in flange", kind = "vector", message = {
+                      fields = {
+                        [1] = {name = "value", path = "servo.command.request.validate.tool.tcp_in_flange", label = "Tcp in flange", kind = "double", repeated = true},
+                      },
+                    }},
+                  },
+                }},
               },
             }},
             [10] = {name = "push", path = "servo.command.request.push", label = "Push", kind = "message", message = {

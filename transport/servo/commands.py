@@ -35,6 +35,7 @@ from transport.servo.fields import (
     wire_vector,
 )
 from transport.servo.layout import TAG_AND_LENGTH_BYTES, field
+from transport.servo.loads import read_tool, wire_tool
 from transport.servo.modes import read_mode, wire_mode
 
 _COMMAND: Final = b"\x2a"
@@ -88,6 +89,7 @@ def _read_start(number: int, wire: servo_pb2.StartMotion) -> StartMotion:
         read_pose(wire.flange_in_base) if wire.HasField("flange_in_base") else None,
         read_mode(wire),
         read_text(wire.frame, MAX_FRAME_NAME_BYTES, "name of a frame") or FLANGE,
+        read_tool(wire),
     )
 
 
@@ -96,7 +98,8 @@ def _read_change_mode(wire: servo_pb2.Request) -> ChangeControlMode:
 
 
 def _read_validate(wire: servo_pb2.Request) -> ValidateLoad:
-    return ValidateLoad(wire.number, read_text(wire.validate.frame, MAX_FRAME_NAME_BYTES, "name of a frame"))
+    frame = read_text(wire.validate.frame, MAX_FRAME_NAME_BYTES, "name of a frame")
+    return ValidateLoad(wire.number, frame, read_tool(wire.validate))
 
 
 def _read_push(wire: servo_pb2.Request) -> PushArm:
@@ -169,6 +172,7 @@ def _wire_request(request: Request) -> servo_pb2.Request:
             flange_in_base=wire_pose(request.flange_in_base),
             mode=wire_mode(request.mode),
             frame="" if request.frame == FLANGE else wire_text(request.frame, MAX_FRAME_NAME_BYTES),
+            tool=wire_tool(request.tool),
         )
         return servo_pb2.Request(number=request.number, start=start)
     if isinstance(request, SetRuntimeParameters):
@@ -194,7 +198,8 @@ def _wire_rarer(request: ChangeControlMode | ValidateLoad | PushArm | StopMotion
         return servo_pb2.Request(number=request.number, mode=mode)
     if isinstance(request, ValidateLoad):
         frame = wire_text(request.frame, MAX_FRAME_NAME_BYTES)
-        return servo_pb2.Request(number=request.number, validate=servo_pb2.ValidateLoad(frame=frame))
+        validate = servo_pb2.ValidateLoad(frame=frame, tool=wire_tool(request.tool))
+        return servo_pb2.Request(number=request.number, validate=validate)
     if isinstance(request, PushArm):
         push = servo_pb2.PushArm(
             link=request.link, force_n=request.force_n, moment_nm=request.moment_nm, duration_s=request.duration_s

@@ -321,20 +321,22 @@ class MotionParameters(_message.Message):
     def __init__(self, joint_velocity_rel: _Optional[float] = ..., joint_acceleration_rel: _Optional[float] = ..., acceleration_override: _Optional[float] = ..., joint_jerk_percent: _Optional[float] = ..., minimum_execution_time_s: _Optional[float] = ..., speed_timeout_s: _Optional[float] = ..., timeout_after_goal_s: _Optional[float] = ..., blending_rel: _Optional[float] = ..., velocity_planning: _Optional[bool] = ..., wait_for_pause: _Optional[bool] = ...) -> None: ...
 
 class StartMotion(_message.Message):
-    __slots__ = ("kind", "parameters", "destination", "flange_in_base", "mode", "frame")
+    __slots__ = ("kind", "parameters", "destination", "flange_in_base", "mode", "frame", "tool")
     KIND_FIELD_NUMBER: _ClassVar[int]
     PARAMETERS_FIELD_NUMBER: _ClassVar[int]
     DESTINATION_FIELD_NUMBER: _ClassVar[int]
     FLANGE_IN_BASE_FIELD_NUMBER: _ClassVar[int]
     MODE_FIELD_NUMBER: _ClassVar[int]
     FRAME_FIELD_NUMBER: _ClassVar[int]
+    TOOL_FIELD_NUMBER: _ClassVar[int]
     kind: MotionKind
     parameters: MotionParameters
     destination: Vector
     flange_in_base: Pose
     mode: ControlMode
     frame: str
-    def __init__(self, kind: _Optional[_Union[MotionKind, str]] = ..., parameters: _Optional[_Union[MotionParameters, _Mapping]] = ..., destination: _Optional[_Union[Vector, _Mapping]] = ..., flange_in_base: _Optional[_Union[Pose, _Mapping]] = ..., mode: _Optional[_Union[ControlMode, _Mapping]] = ..., frame: _Optional[str] = ...) -> None: ...
+    tool: AttachedTool
+    def __init__(self, kind: _Optional[_Union[MotionKind, str]] = ..., parameters: _Optional[_Union[MotionParameters, _Mapping]] = ..., destination: _Optional[_Union[Vector, _Mapping]] = ..., flange_in_base: _Optional[_Union[Pose, _Mapping]] = ..., mode: _Optional[_Union[ControlMode, _Mapping]] = ..., frame: _Optional[str] = ..., tool: _Optional[_Union[AttachedTool, _Mapping]] = ...) -> None: ...
 
 class ChangeControlMode(_message.Message):
     __slots__ = ("motion", "mode")
@@ -449,10 +451,12 @@ class LocateFlange(_message.Message):
     def __init__(self, position: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class ValidateLoad(_message.Message):
-    __slots__ = ("frame",)
+    __slots__ = ("frame", "tool")
     FRAME_FIELD_NUMBER: _ClassVar[int]
+    TOOL_FIELD_NUMBER: _ClassVar[int]
     frame: str
-    def __init__(self, frame: _Optional[str] = ...) -> None: ...
+    tool: AttachedTool
+    def __init__(self, frame: _Optional[str] = ..., tool: _Optional[_Union[AttachedTool, _Mapping]] = ...) -> None: ...
 
 class PushArm(_message.Message):
     __slots__ = ("link", "force_n", "moment_nm", "duration_s")
@@ -623,6 +627,14 @@ class Load(_message.Message):
     centre_m: _containers.RepeatedScalarFieldContainer[float]
     inertia_kg_m2: _containers.RepeatedScalarFieldContainer[float]
     def __init__(self, mass_kg: _Optional[float] = ..., centre_m: _Optional[_Iterable[float]] = ..., inertia_kg_m2: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class AttachedTool(_message.Message):
+    __slots__ = ("load", "tcp_in_flange")
+    LOAD_FIELD_NUMBER: _ClassVar[int]
+    TCP_IN_FLANGE_FIELD_NUMBER: _ClassVar[int]
+    load: Load
+    tcp_in_flange: Pose
+    def __init__(self, load: _Optional[_Union[Load, _Mapping]] = ..., tcp_in_flange: _Optional[_Union[Pose, _Mapping]] = ...) -> None: ...
 
 class FrameDescribed(_message.Message):
     __slots__ = ("request", "of", "name", "kind", "parent", "in_parent", "load")

@@ -3,9 +3,7 @@
 from typing import Final
 
 from hil.values.arm import MAX_CONTACTS, Contact
-from hil.values.errors import ConfigurationError
 from hil.values.frames import MAX_FRAME_NAME_BYTES, MAX_FRAMES, Frame
-from hil.values.load import Load
 from hil.values.operator import OperatorView
 from hil.values.pose import Pose
 from hil.values.servo import (
@@ -41,7 +39,6 @@ from transport.servo.fields import (
     fitting,
     pose_numbers,
     read_counted,
-    read_finite,
     read_member,
     read_pose,
     read_text,
@@ -52,6 +49,7 @@ from transport.servo.fields import (
     wire_text,
 )
 from transport.servo.layout import TAG_AND_LENGTH_BYTES, field
+from transport.servo.loads import read_load, wire_load
 
 _SNAPSHOT: Final = b"\x12"
 _MOTION: Final = b"\x7a"
@@ -182,18 +180,8 @@ def _read_frame(wire: servo_pb2.FrameDescribed) -> Frame:
         read_member(FRAME_KINDS, wire.kind, "frame kind"),
         read_text(wire.parent, MAX_FRAME_NAME_BYTES, "name of a parent frame"),
         read_pose(wire.in_parent),
-        _read_load(load) if wire.HasField("load") else None,
+        read_load(load) if wire.HasField("load") else None,
     )
-
-
-def _read_load(wire: servo_pb2.Load) -> Load:
-    [mass_kg] = read_finite((wire.mass_kg,), 1, "a mass")
-    x, y, z = read_finite(wire.centre_m, 3, "a centre of mass")
-    xx, yy, zz, xy, xz, yz = read_finite(wire.inertia_kg_m2, 6, "an inertia")
-    try:
-        return Load(mass_kg, (x, y, z), (xx, yy, zz), (xy, xz, yz))
-    except ConfigurationError as error:
-        raise undecodable(f"a load no tool has: {error}") from None
 
 
 class StateWriter:
@@ -329,11 +317,7 @@ def _wire_frame(report: FrameDescribed) -> servo_pb2.FrameDescribed:
     frame = report.frame
     load = None
     if frame.load is not None:
-        load = servo_pb2.Load(
-            mass_kg=frame.load.mass_kg,
-            centre_m=frame.load.centre_m,
-            inertia_kg_m2=frame.load.moments_kg_m2 + frame.load.products_kg_m2,
-        )
+        load = wire_load(frame.load)
     return servo_pb2.FrameDescribed(
         request=report.request,
         of=report.of,

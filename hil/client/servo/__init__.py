@@ -73,7 +73,7 @@ from hil.values.control import (
 from hil.values.errors import ConfigurationError, EndpointError, HilError, OutOfRange, UsageError
 from hil.values.frames import Frame, FrameKind, FrameTree
 from hil.values.fri import ControlMode, OperationMode, SafetyState
-from hil.values.load import Load
+from hil.values.load import AttachedTool, Load
 from hil.values.motion import (
     DIRECT_SERVO_DELTA_RAD,
     ErrorReason,
@@ -98,6 +98,7 @@ __all__ = [
     "AsyncServoClient",
     "AsyncSmartServo",
     "AsyncSmartServoRuntime",
+    "AttachedTool",
     "CartesianDof",
     "CartesianImpedanceControlMode",
     "CartesianPlane",

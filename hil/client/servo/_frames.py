@@ -12,10 +12,13 @@ from hil.client.servo.errors import (
 )
 from hil.values.errors import UnknownName
 from hil.values.frames import FLANGE, Frame, FrameTree
+from hil.values.load import AttachedTool
 from hil.values.pose import NOWHERE, Pose
 
 FrameName: TypeAlias = str | Frame
 """A frame of the robot, or its name."""
+Moved: TypeAlias = FrameName | AttachedTool
+"""What a motion moves: a frame that moves with the flange, or a tool of the program's own."""
 
 _NEAR: Final = 1e-6
 """How far rows of a matrix may be from those of a rotation that is still meant as one."""
@@ -26,6 +29,7 @@ class MovedFrame(NamedTuple):
 
     name: str = FLANGE
     flange_in_it: Pose = NOWHERE
+    tool: AttachedTool | None = None
 
 
 FLANGE_ITSELF: Final = MovedFrame()
@@ -33,6 +37,8 @@ FLANGE_ITSELF: Final = MovedFrame()
 
 def moved_frame(tree: FrameTree, frame: object) -> MovedFrame:
     """Return what ``frame`` is to a motion; raise :class:`IllegalArgumentException` (manual 10.2)."""
+    if isinstance(frame, AttachedTool):
+        return MovedFrame(FLANGE, in_flange(tree, frame).inverse(), frame)
     in_it = in_flange(tree, frame).inverse()
     return MovedFrame(_find(tree, frame, otherwise=FRAME_IS_NOT_ON_FLANGE).name, in_it)
 
@@ -41,6 +47,8 @@ def in_flange(tree: FrameTree, frame: object) -> Pose:
     """Return where ``frame`` stands in the flange; raise :class:`IllegalArgumentException` (manual 10.2)."""
     if frame is None:
         raise IllegalArgumentException(FRAME_ON_FLANGE_IS_NULL)
+    if isinstance(frame, AttachedTool):
+        return pose("TCP of the tool", frame.tcp_in_flange)
     found = _find(tree, frame, otherwise=FRAME_IS_NOT_ON_FLANGE)
     if not found.moves:
         raise IllegalArgumentException(FRAME_IS_NOT_ON_FLANGE, f"{found.name!r} stands still in the base")

@@ -128,10 +128,10 @@ def locate_flange(session: ServoSession, position_rad: Vector) -> Operation[Pose
     return pending.answer.flange_in_base
 
 
-def validate_load(session: ServoSession, frame: str) -> Operation[str]:
+def validate_load(session: ServoSession, moved: MovedFrame) -> Operation[str]:
     """Ask whether the load of a frame's tool is the true one; return why not, or an empty text."""
     check(session)
-    pending = session.ask(lambda number: ValidateLoad(number, frame))
+    pending = session.ask(lambda number: ValidateLoad(number, moved.name, moved.tool))
     yield from _answer(session, pending)
     if not isinstance(pending.answer, LoadValidated):
         raise _unanswered("did not say whether the load is valid")

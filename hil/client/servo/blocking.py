@@ -6,7 +6,7 @@ from typing import Self, TypeVar, overload
 
 from hil.client.servo import _frames as frames
 from hil.client.servo import _operations as operations
-from hil.client.servo._frames import FrameName
+from hil.client.servo._frames import FrameName, Moved
 from hil.client.servo._link import ClientShell, address_of, not_open
 from hil.client.servo._operations import Operation
 from hil.client.servo._pump import ServoPump, open_pump
@@ -65,24 +65,25 @@ class ServoClient(ClientShell):
         """Say goodbye and close; does nothing when it is closed. What the session commanded brakes."""
         self._close(None)
 
-    def move_async(self, motion: "BlockingMotion", frame: FrameName = FLANGE) -> None:
+    def move_async(self, motion: "BlockingMotion", frame: Moved = FLANGE) -> None:
         """Start ``motion``, or queue it behind those that run or wait; return when the controller has taken it.
 
-        ``frame`` is what its Cartesian destinations are for: the flange, or a frame that moves with it (manual 8.1.2).
+        ``frame`` is what its Cartesian destinations are for: the flange, or a frame that moves with it (manual 8.1.2),
+        or the TCP of an :class:`AttachedTool` of the program's own, whose load is reckoned with.
         """
         self._run(operations.start(self.session, motion, self._take(motion, frame)))
 
-    def move(self, motion: "BlockingMotion", frame: FrameName = FLANGE) -> None:
+    def move(self, motion: "BlockingMotion", frame: Moved = FLANGE) -> None:
         """Start ``motion`` and wait until it has ended; raise :class:`CommandInvalidException` if not by itself."""
         self._run(operations.move(self.session, motion, self._take(motion, frame)))
 
-    def validate_for_impedance_mode(self, frame: FrameName = FLANGE) -> bool:
+    def validate_for_impedance_mode(self, frame: Moved = FLANGE) -> bool:
         """Return whether the load of ``frame``'s tool explains what the torque sensors show at rest (manual 7.10.1).
 
         Impedance control needs it once in a session. Where it fails, :attr:`validation_failure` says why.
         """
         moved = frames.moved_frame(self.frames, frame)
-        self.validation_failure = self._run(operations.validate_load(self.session, moved.name))
+        self.validation_failure = self._run(operations.validate_load(self.session, moved))
         return not self.validation_failure
 
     def push(
@@ -193,7 +194,7 @@ class BlockingRuntime(ServoRuntime):
         """
         return self._client._run(self._setting_destination(destination, velocity_or_reference))
 
-    def get_current_cartesian_destination(self, frame_on_flange: FrameName, reference: FrameName = BASE) -> Pose | None:
+    def get_current_cartesian_destination(self, frame_on_flange: Moved, reference: FrameName = BASE) -> Pose | None:
         """Pose of ``frame_on_flange`` in ``reference`` at the last destination; None before there is one.
 
         Of the last update; the controller is asked, once, where the flange is at a destination in axis positions.

@@ -92,7 +92,7 @@ class Motion(ABC):
     def request(self, number: int, moved: MovedFrame = FLANGE_ITSELF) -> StartMotion:
         """Return the request that starts the motion of a frame."""
         destination, start = self.destination, StartMotion(number, self.kind, self.parameters, None)
-        start = start._replace(mode=self.mode, frame=moved.name)
+        start = start._replace(mode=self.mode, frame=moved.name, tool=moved.tool)
         if isinstance(destination, Pose):
             return start._replace(flange_in_base=destination @ moved.flange_in_it)
         return start._replace(destination=destination)

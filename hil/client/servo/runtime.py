@@ -10,7 +10,7 @@ from typing import Final, Protocol, TypeAlias
 
 from hil.client.servo import _frames as frames
 from hil.client.servo import _operations as operations
-from hil.client.servo._frames import FrameName
+from hil.client.servo._frames import FrameName, Moved
 from hil.client.servo._operations import Operation
 from hil.client.servo._runtime_text import VERBOSITY, describe
 from hil.client.servo._set_point_accounting import SetPointAccounting, accounting_of
@@ -112,7 +112,7 @@ class ServoRuntime:
         """Measured axis positions in rad."""
         return self._update.snapshot.measured_position
 
-    def get_current_cartesian_position(self, frame_on_flange: FrameName, reference: FrameName = BASE) -> Pose:
+    def get_current_cartesian_position(self, frame_on_flange: Moved, reference: FrameName = BASE) -> Pose:
         """Measured pose of ``frame_on_flange`` in ``reference``, by default the robot base.
 
         Raises :class:`IllegalArgumentException` where the one does not move with the flange, or the other does
@@ -239,9 +239,7 @@ class ServoRuntime:
         flange_in_base = pose @ self._record.flange_in_moved
         return lambda number: SetDestination(number, motion, None, None, flange_in_base)
 
-    def _reading_cartesian_destination(
-        self, frame_on_flange: FrameName, reference: FrameName
-    ) -> Operation[Pose | None]:
+    def _reading_cartesian_destination(self, frame_on_flange: Moved, reference: FrameName) -> Operation[Pose | None]:
         # First, so that what is wrong with the frames is said before the controller is asked.
         moved, base = frames.in_flange(self._tree, frame_on_flange), frames.in_base(self._tree, reference)
         flange_in_base = yield from self._locating_destination()

@@ -8,7 +8,7 @@ from hil.values.arm import ArmState
 from hil.values.control import ControlModeSettings, ControlSetup
 from hil.values.errors import ConfigurationError, UnknownName
 from hil.values.frames import FrameTree
-from hil.values.load import Load
+from hil.values.load import AttachedTool
 from hil.values.motion import Fault
 from hil.values.servo import RequestError
 
@@ -32,12 +32,15 @@ class ControlChoice:
         self._validation = validation
         self._takes_torque = takes_torque
 
-    def choose(self, mode: ControlModeSettings, frame: str, arm: ArmState) -> ControlSetup | Answer:
-        """Return how a motion of ``frame`` is controlled; or why it is not."""
-        load = self.load_of(frame)
-        if isinstance(load, Answer):
-            return load
-        setup = ControlSetup(mode, load, self._frames.in_flange(frame))
+    def choose(
+        self, mode: ControlModeSettings, frame: str, tool: AttachedTool | None, arm: ArmState
+    ) -> ControlSetup | Answer:
+        """Return how a motion of ``frame``, or of a ``tool`` instead, is controlled; or why it is not."""
+        moved = self.tool_of(frame, tool)
+        if isinstance(moved, Answer):
+            return moved
+        load = moved.load
+        setup = ControlSetup(mode, load, moved.tcp_in_flange)
         if not setup.yields:
             return setup
         if not self._takes_torque:
@@ -46,7 +49,8 @@ class ControlChoice:
                 "this robot side is position controlled only; impedance control needs torques",
             )
         if not self._validation.holds(load):
-            detail = f"validate the load of {frame!r}, {load.mass_kg:g} kg, first"
+            whose = repr(frame) if tool is None else "the tool"
+            detail = f"validate the load of {whose}, {load.mass_kg:g} kg, first"
             return _refused(RequestError.ILLEGAL_STATE, NOT_VALIDATED, detail)
         singular = singular_start(setup, arm, self._kinematics)
         if singular is not None:
@@ -64,18 +68,20 @@ class ControlChoice:
             return _refused(RequestError.ILLEGAL_ARGUMENT, KIND_STAYS, f"it is {have}, not {wanted}")
         return control._replace(mode=mode)
 
-    def load_of(self, frame: str) -> Load | Answer:
-        """Return the load that is reckoned with while ``frame`` is moved, in the flange."""
+    def tool_of(self, frame: str, tool: AttachedTool | None) -> AttachedTool | Answer:
+        """Return load and TCP of what is moved, in the flange: those of ``frame``, or ``tool`` itself."""
+        if tool is not None:
+            return tool
         try:
-            self._frames.in_flange(frame)
+            tcp_in_flange = self._frames.in_flange(frame)
         except (ConfigurationError, UnknownName) as error:
             return _refused(RequestError.ILLEGAL_ARGUMENT, str(error))
-        return self._frames.load_of(frame)
+        return AttachedTool(self._frames.load_of(frame), tcp_in_flange)
 
-    def validate(self, frame: str, arm: ArmState) -> str | Answer:
-        """Return why the load of ``frame`` is not what hangs on the flange; empty when it is."""
-        load = self.load_of(frame)
-        return load if isinstance(load, Answer) else self._validation.validate(load, arm)
+    def validate(self, frame: str, tool: AttachedTool | None, arm: ArmState) -> str | Answer:
+        """Return why the load of ``frame``, or of a ``tool``, is not what hangs on the flange; empty when it is."""
+        moved = self.tool_of(frame, tool)
+        return moved if isinstance(moved, Answer) else self._validation.validate(moved.load, arm)
 
     def forget(self) -> None:
         """Another application commands; it must validate for itself."""

@@ -37,7 +37,7 @@ class Questions:
             return self._describe(request, reports)
         if isinstance(request, LocateFlange):
             return self._locate(request, reports)
-        reason = self._control.validate(request.frame, arm)
+        reason = self._control.validate(request.frame, request.tool, arm)
         if isinstance(reason, Answer):
             return reason
         reports.add(lambda number: LoadValidated(number, request.number, reason))

@@ -105,7 +105,7 @@ class RequestHandler:
             return Answer(
                 RequestError.ILLEGAL_STATE, Fault(f"{MAX_MOTIONS} motions run or wait already, no more are taken")
             )
-        control = self._control.choose(request.mode, request.frame, circumstances.arm)
+        control = self._control.choose(request.mode, request.frame, request.tool, circumstances.arm)
         if isinstance(control, Answer):
             return control
         destination = request.destination if request.flange_in_base is None else request.flange_in_base

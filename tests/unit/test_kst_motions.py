@@ -1,0 +1,400 @@
+"""What KST programs make the arm do, at a controller with a MuJoCo arm in virtual time."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from hil.kst.real_time import STEP_MOST_RAD, shaped
+from hil.testkit.controller import VirtualController
+from hil.values.kst import KstSettings, UnprovenLoad
+from tests.support.kst_virtual import SETTINGS, Visit, visit
+from transport.kst import Problem
+
+pytestmark = pytest.mark.hil(backend="mujoco")
+START = "jp_0.0_0.0_0.0_-1.5707_0.0_1.5708_0.0_"
+AT_START = (0.0, 0.0, 0.0, -1.5707, 0.0, 1.5708, 0.0)
+
+
+async def at_start(robot: Visit) -> None:
+    assert await robot.move("jRelVel_1.0_", START, "doPTPinJS") == "done"
+
+
+def test_a_joint_motion_arrives_where_it_was_sent(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await at_start(robot)
+            assert await robot.numbers("getJointsPositions") == pytest.approx(AT_START, abs=3e-4)
+            x, y, z, a, b, c = await robot.numbers("Eef_pos")
+            assert (x, y, z) == pytest.approx((400.0, 0.0, 654.0), abs=0.3)
+            assert (abs(a), b, abs(c)) == pytest.approx((math.pi, 0.0, math.pi), abs=1e-3)
+
+    hil_controller.run_async(program())
+
+
+def test_a_line_is_straight_and_as_fast_as_asked(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await at_start(robot)
+            for line in ("jRelVel_100_", f"cArtixanPosition_480_60_600_{math.pi}_0_{math.pi}_"):
+                assert await robot.ask(line) == ["done"]
+            began_s = hil_controller.now_s
+            points = [state.flange_in_base.position_m async for state in robot.watch("doPTPinCS")]
+            assert hil_controller.now_s - began_s == pytest.approx(math.dist(points[0], points[-1]) * 10, rel=0.35)
+            assert points[-1] == pytest.approx((0.48, 0.06, 0.6), abs=2e-4)
+            assert max(_off_line_m(point, points[0], points[-1]) for point in points) < 5e-4
+
+    hil_controller.run_async(program())
+
+
+def _off_line_m(point: tuple[float, ...], start: tuple[float, ...], end: tuple[float, ...]) -> float:
+    way = [b - a for a, b in zip(start, end, strict=True)]
+    here = [b - a for a, b in zip(start, point, strict=True)]
+    length = math.hypot(*way)
+    along = sum(w * h for w, h in zip(way, here, strict=True)) / length
+    return math.sqrt(max(0.0, sum(h * h for h in here) - along * along))
+
+
+def test_relative_lines_go_along_the_base_or_the_tool_and_come_back(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await at_start(robot)
+            before = await robot.numbers("Eef_pos")
+            assert await robot.move("jRelVel_150_", "cArtixanPosition_0_20_30_0_0_0_", "doPTPinCSRelBase") == "done"
+            there = await robot.numbers("Eef_pos")
+            assert [b - a for a, b in zip(before[:3], there[:3], strict=True)] == pytest.approx([0, 20, 30], abs=0.3)
+            # The tool looks down: its z is that of the base, turned round; its y is turned round with it.
+            assert await robot.move("cArtixanPosition_0_0_30_0_0_0_", "doPTPinCSRelEEF") == "done"
+            after = await robot.numbers("Eef_pos")
+            assert [b - a for a, b in zip(there[:3], after[:3], strict=True)] == pytest.approx([0, 0, -30], abs=0.3)
+            assert after[4] == pytest.approx(before[4], abs=1e-3)
+
+    hil_controller.run_async(program())
+
+
+def test_a_circle_keeps_its_radius_and_turns_to_its_end(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await at_start(robot)
+            turned = math.pi - 0.5
+            for line in (
+                "jRelVel_100_",
+                f"cArtixanPositionCirc1_450_50_654_{math.pi}_0_{math.pi}_",
+                f"cArtixanPositionCirc2_500_0_654_{turned}_0_{math.pi}_",
+            ):
+                assert await robot.ask(line) == ["done"]
+            radii, highest = [], 0.0
+            async for state in robot.watch("doPTPinCSCircle1_"):
+                x, y, _ = state.flange_in_base.position_m
+                radii.append(math.hypot(x - 0.45, y))
+                highest = max(highest, y)
+            assert min(radii) > 0.0492
+            assert max(radii) < 0.0508
+            assert highest == pytest.approx(0.05, abs=1e-3)
+            pose = await robot.numbers("Eef_pos")
+            assert pose[:3] == pytest.approx((500.0, 0.0, 654.0), abs=0.3)
+            assert pose[3] == pytest.approx(turned, abs=2e-3)
+
+    hil_controller.run_async(program())
+
+
+def test_points_on_a_line_are_no_circle(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await at_start(robot)
+            points = ("cArtixanPositionCirc1_450_0_654_0_0_0_", "cArtixanPositionCirc2_450_0_654_0_0_0_")
+            assert await robot.move("jRelVel_50_", *points, "doPTPinCSCircle1_") == "nak"
+            assert any("no circle has them" in line for line in robot.told)
+            assert await robot.ask("blueOn") == ["done"]
+
+    hil_controller.run_async(program())
+
+
+def test_a_pose_out_of_reach_is_a_nak_and_the_next_motion_is_done(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await at_start(robot)
+            assert await robot.move("jRelVel_250_", "cArtixanPosition_900_0_954_0_0_0_", "doPTPinCS") == "nak"
+            assert await robot.move("jRelVel_1.0_", START, "doPTPinJS") == "done"
+
+    hil_controller.run_async(program())
+
+
+def test_a_tool_moves_the_point_that_is_led(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            assert await robot.ask("TFtrans_0_0_100_0_0_0") == ["done"]
+            await at_start(robot)
+            assert (await robot.numbers("Eef_pos"))[:3] == pytest.approx((400.0, 0.0, 554.0), abs=0.4)
+            line = f"cArtixanPosition_400_0_554_{math.pi}_0.3_{math.pi}_"
+            assert await robot.move("jRelVel_50_", line, "doPTPinCS") == "done"
+            assert (await robot.numbers("Eef_pos"))[:3] == pytest.approx((400.0, 0.0, 554.0), abs=0.4)
+            assert hil_controller.flange.position_m[0] != pytest.approx(0.4, abs=0.02)
+
+    hil_controller.run_async(program())
+
+
+def test_joint_servo_follows_with_the_published_shaping(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await at_start(robot)
+            assert await robot.ask("startDirectServoJoints") == ["done"]
+            await robot.pass_s(0.3)
+            for step in range(1000):
+                set_point = 0.3 * math.sin(step * 0.002 * math.pi)
+                assert await robot.ask(f"jp_{set_point}_0_0_-1.5707_0_1.5708_0_\n") == ["done"]
+                await robot.pass_s(0.002)
+            assert robot.told == []
+            await robot.pass_s(0.5)
+            assert (await robot.numbers("getJointsPositions"))[0] == pytest.approx(set_point, abs=0.01)
+            assert await robot.ask("stopDirectServoJoints") == ["done"]
+            await robot.pass_s(0.2)
+            assert not robot.session.busy
+            assert hil_controller.stands
+
+    hil_controller.run_async(program())
+
+
+def test_shaping_is_capped_and_soft() -> None:
+    (far,) = shaped((2.0,), (0.0,))
+    (near,) = shaped((-1e-3,), (0.0,))
+    assert far == pytest.approx(STEP_MOST_RAD)
+    assert near == pytest.approx(-2.5e-5, rel=0.02)
+    assert shaped((0.5,), (0.5,)) == (0.5,)
+
+
+def test_cartesian_servo_follows_a_sine_of_the_pose(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await at_start(robot)
+            x, y, z, a, b, c = await robot.numbers("Eef_pos")
+            assert await robot.ask("stDcEEf_") == ["done"]
+            await robot.pass_s(0.3)
+            lowest = highest = z
+            for step in range(1000):
+                here = z + 50.0 * math.sin(step * 0.002 * math.pi)
+                reply = await robot.numbers(f"DcSeCarEEfP_{x}_{y}_{here}_{a}_{b}_{c}_\n")
+                lowest, highest = min(lowest, reply[2]), max(highest, reply[2])
+                await robot.pass_s(0.002)
+            assert (lowest, highest) == pytest.approx((z - 50.0, z + 50.0), abs=3.0)
+            assert await robot.ask("stopDirectServoJoints") == ["done"]
+            await robot.pass_s(0.2)
+            assert await robot.move("jRelVel_1.0_", START, "doPTPinJS") == "done"
+
+    hil_controller.run_async(program())
+
+
+def test_a_set_point_too_far_away_ends_the_mode_and_says_so(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await at_start(robot)
+            assert await robot.ask("stDcEEf_") == ["done"]
+            await robot.pass_s(0.3)
+            assert await robot.ask(f"DcSeCarW_400_300_654_{math.pi}_0_{math.pi}_") == ["done"]
+            await robot.pass_s(0.5)
+            assert any("directServo: Target Outside accepted Delta" in line for line in robot.told)
+            assert await robot.ask("DcSeCarJP_400_0_654_0_0_0_") != ["nak"]
+            assert await robot.ask("stopDirectServoJoints") == ["done"]
+            assert await robot.move("jRelVel_1.0_", START, "doPTPinJS") == "done"
+
+    hil_controller.run_async(program())
+
+
+def test_velocities_are_integrated_and_silence_stops_the_arm(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await at_start(robot)
+            assert await robot.ask("stVelDcJoint_") == ["done"]
+            await robot.pass_s(0.3)
+            for _ in range(50):
+                assert await robot.ask("velJDC_0.2_0_0_0_0_0_0_") == ["done"]
+                await robot.pass_s(0.01)
+            moved = (await robot.numbers("getJointsPositions"))[0]
+            assert moved == pytest.approx(0.1, abs=0.02)
+            await robot.pass_s(2.0)
+            assert any("no velocity came for 1000 ms: the arm stops" in line for line in robot.told)
+            assert hil_controller.measured_velocity_rad_s == pytest.approx((0.0,) * 7, abs=1e-3)
+            assert await robot.ask("velJDCJP_-0.2_0_0_0_0_0_0_") != ["nak"]
+            await robot.pass_s(0.5)
+            assert hil_controller.measured_velocity_rad_s[0] == pytest.approx(-0.2, abs=0.02)
+
+    hil_controller.run_async(program())
+
+
+def test_a_conditional_motion_is_interrupted_by_a_torque(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await at_start(robot)
+            move = ("jRelVel_0.3_", "jp_1.0_0_0_-1.5707_0_1.5708_0_")
+            assert await robot.move(*move, "doPTP!inJS_0_-300_300") == "done"
+            assert await robot.move("jp_-1.0_0_0_-1.5707_0_1.5708_0_", "doPTP!inJS_1_500_600") == "interrupted"
+            assert any("interrupted: A2 shows" in line for line in robot.told)
+            line = f"cArtixanPosition_400_100_654_{math.pi}_0_{math.pi}_"
+            assert await robot.move("jRelVel_1.0_", START, "doPTPinJS") == "done"
+            assert await robot.move("jRelVel_50_", line, "doPTP!inCS_1_500_600") == "interrupted"
+            assert await robot.move(line, "doPTP!inCS_1_-600_600") == "done"
+
+    hil_controller.run_async(program())
+
+
+def test_a_client_that_leaves_in_mid_motion_brakes_the_arm(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await at_start(robot)
+            for line in ("jRelVel_0.2_", "jp_1.5_0_0_-1.5707_0_1.5708_0_", "doPTPinJS"):
+                assert await robot.ask(line) == ["done"]
+            await robot.pass_s(1.0)
+        async with visit() as robot:
+            await robot.pass_s(1.0)
+            assert hil_controller.stands
+            assert 0.05 < (await robot.numbers("getJointsPositions"))[0] < 1.0
+            assert await robot.move("jRelVel_0.5_", START, "doPTPinJS") == "done"
+
+    hil_controller.run_async(program())
+
+
+@pytest.mark.hil(mode="T1", enabled=True)
+def test_in_t1_a_line_is_never_faster_than_the_monitor_allows(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await at_start(robot)
+            line = f"cArtixanPosition_400_300_654_{math.pi}_0_{math.pi}_"
+            for asked in ("jRelVel_1000_", line):
+                assert await robot.ask(asked) == ["done"]
+            fastest = 0.0
+            async for state in robot.watch("doPTPinCS"):
+                fastest = max(fastest, state.flange_speed_mm_s)
+            assert 200.0 < fastest <= 250.0
+            assert hil_controller.last_stop is None or "T1" not in hil_controller.last_stop.reason
+
+    hil_controller.run_async(program())
+
+
+def test_an_emergency_stop_is_a_nak(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await at_start(robot)
+            for line in ("jRelVel_0.2_", "jp_1.5_0_0_-1.5707_0_1.5708_0_", "doPTPinJS"):
+                assert await robot.ask(line) == ["done"]
+            hil_controller.after(0.5, hil_controller.operator.emergency_stop)
+            await robot.pass_s(2.0)
+            assert not robot.session.busy
+            assert any("the motion failed: " in line and "emergency stop" in line for line in robot.told)
+            assert await robot.ask("") == ["nak"]
+            assert await robot.move("doPTPinJS") == "nak"
+
+    hil_controller.run_async(program())
+
+
+def test_while_somebody_else_commands_queries_are_served_and_motions_refused(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as other:
+            await at_start(other)
+            async with visit() as robot:
+                assert any("commanded by somebody else" in line for line in robot.told)
+                assert await robot.numbers("getJointsPositions") == pytest.approx(AT_START, abs=3e-4)
+                assert await robot.move("jRelVel_0.5_", START, "doPTPinJS") == "nak"
+                await other.robot.close()
+                await robot.pass_s(0.2)
+                assert await robot.move("jRelVel_0.5_", START, "doPTPinJS") == "done"
+
+    hil_controller.run_async(program())
+
+
+def test_limits_are_those_of_the_robot(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        settings = KstSettings((-0.5,) * 7, (0.5,) * 7)
+        async with visit(settings) as robot:
+            assert await robot.ask("jp_0_0_0_0.6_0_0_0_") == ["nak"]
+            assert robot.session.refused[Problem.OUT_OF_RANGE] == 1
+
+    hil_controller.run_async(program())
+    assert SETTINGS.watchdog_ms == 1000
+
+
+IMPEDANCE = "startSmartImpedanceJoints_1.0_0.0_0.0_0.0_900_80_50_"
+
+
+async def bent(robot: Visit) -> None:
+    """Go to a pose that is far from singularities."""
+    assert await robot.move("jRelVel_1.0_", "jp_0_0.3_0_-1.3_0_1.2_0_", "doPTPinJS") == "done"
+
+
+async def stop_impedance(robot: Visit) -> None:
+    """Stop it, and take both acknowledgements."""
+    assert await robot.ask("stopDirectServoJoints", replies=2) == ["done", "done"]
+
+
+@pytest.mark.hil(load={"mass_kg": 1.0})
+def test_impedance_follows_set_points_softly_with_the_load_that_was_told(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await bent(robot)
+            assert await robot.ask(IMPEDANCE) == ["done"]
+            await robot.pass_s(0.3)
+            for step in range(500):
+                assert len(await robot.numbers(f"jpMT_{0.0004 * step}_0.3_0_-1.3_0_1.2_0_\n")) == 7
+                await robot.pass_s(0.004)
+            await robot.pass_s(1.0)
+            assert (await robot.numbers("getJointsPositions"))[0] == pytest.approx(0.2, abs=0.03)
+            before = hil_controller.flange.position_m
+            hil_controller.operator.push((0.0, 0.0, -18.0), duration_s=3.0)
+            await robot.pass_s(2.0)
+            # 18 N on a spring of 900 N/m.
+            assert before[2] - hil_controller.flange.position_m[2] == pytest.approx(0.02, abs=0.006)
+            await robot.pass_s(2.0)
+            assert robot.told == []
+            await stop_impedance(robot)
+            await bent(robot)
+
+    hil_controller.run_async(program())
+
+
+def test_a_load_that_is_not_there_is_said_and_the_true_one_taken(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await bent(robot)
+            for _ in range(2):
+                assert await robot.ask(IMPEDANCE) == ["done"]
+                await robot.pass_s(0.5)
+                assert any("a Cabinet may refuse this impedance mode: the load of 1 kg" in line for line in robot.told)
+                assert any("Taken instead: 0 kg" in line for line in robot.told)
+                assert robot.session.busy
+                await stop_impedance(robot)
+            await bent(robot)
+
+    hil_controller.run_async(program())
+
+
+def test_a_load_that_is_not_there_ends_the_mode_where_it_is_to_be_refused(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit(replace(SETTINGS, unproven_load=UnprovenLoad.REFUSE)) as robot:
+            await bent(robot)
+            assert await robot.ask(IMPEDANCE, replies=2) == ["done", "done"]
+            assert any("the load of 1 kg that was told does not explain the torques" in line for line in robot.told)
+            assert not robot.session.busy
+            assert await robot.ask("stopDirectServoJoints") == ["done"]
+
+    hil_controller.run_async(program())
+
+
+@pytest.mark.parametrize("numbers", ["1.0_0_0_0_9000_80_50", "-1.0_0_0_0_900_80_50", "1.0_0_0_0_900_80_-50"])
+def test_impedance_beyond_its_ranges_ends_with_a_sentence(hil_controller: VirtualController, numbers: str) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await bent(robot)
+            assert await robot.ask(f"startSmartImpedneceJoints_{numbers}_", replies=2) == ["done", "done"]
+            assert any("is outside its range" in line for line in robot.told)
+
+    hil_controller.run_async(program())
+
+
+@pytest.mark.hil(backend="ideal")
+def test_an_arm_without_torques_has_no_impedance_and_says_so(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await bent(robot)
+            assert await robot.ask(IMPEDANCE, replies=2) == ["done", "done"]
+            assert any("set-points move nothing from now on" in line for line in robot.told)
+
+    hil_controller.run_async(program())
