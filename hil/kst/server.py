@@ -64,6 +64,7 @@ class KstServer:
         self._counters: Counter[str] = Counter()
         self._refused: Counter[Problem] = Counter()
         self._second_clients = 0
+        self._tcp: dict[str, object] | None = None
 
     async def serve(self) -> None:
         """Serve until :meth:`stop`, or, strictly, until the one session is over."""
@@ -105,6 +106,7 @@ class KstServer:
             "counters": dict(sorted(counters.items())),
             "refused": {problem.value: count for problem, count in sorted(refused.items())},
             "outputs": outputs,
+            "tcp": self._tcp if visit is None else visit.connection.watch.report(),
         }
 
     def _nobody_came(self) -> None:
@@ -178,7 +180,8 @@ class KstServer:
                 await arm.finish()
             else:
                 await arm.abort()
-            self._take_words(session)
+            self._take_words(visit)
+            self._tcp = connection.watch.report()
             self._counters += session.counters
             self._refused += session.refused
             self._visit = None
@@ -206,15 +209,17 @@ class KstServer:
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(TELL_S):
                     await visit.connection.over.wait()
-            self._take_words(visit.session)
+            self._take_words(visit)
             if not robot.is_there:
                 visit.connection.end("the controller ended the session of this server")
             if visit.connection.over.is_set():
                 return
 
-    def _take_words(self, session: KstSession) -> None:
-        while session.told:
-            self._tell(session.told.popleft())
+    def _take_words(self, visit: _Visit) -> None:
+        while visit.session.told:
+            self._tell(visit.session.told.popleft())
+        for finding in visit.connection.watch.news():
+            self._tell(f"tcp: {finding.sentence}")
 
 
 def _in_short(session: KstSession) -> str:

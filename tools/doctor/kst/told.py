@@ -47,12 +47,14 @@ class Link:
 
     @property
     def set_points_per_s(self) -> float | None:
-        """Return the rate between the two moments, by the link's own clock; None where nothing came in between."""
+        """Return the rate between the two moments, by the link's own clock; None where that is not told."""
         first, last = (_number(one, ("counters", "set_points")) for one in (self.before, self.now))
         begun, ended = (_number(one, ("tcp", "seconds")) for one in (self.before, self.now))
-        if first is None or last is None or begun is None or ended is None or ended <= begun or last < first:
+        if first is None or last is None or last < first:
             return None
-        return (last - first) / (ended - begun)
+        if last == first:
+            return 0.0
+        return None if begun is None or ended is None or ended <= begun else (last - first) / (ended - begun)
 
     def findings(self) -> list[Finding]:
         """Return what the link's own diagnosis found."""

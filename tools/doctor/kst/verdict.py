@@ -153,8 +153,10 @@ def _tables(link: Link) -> Iterator[EvidenceTable]:
         (
             kind,
             _whole(link, "tcp", "stalls", kind, "count"),
-            _ms(link, "tcp", "stalls", kind, "median_ms"),
-            _ms(link, "tcp", "stalls", kind, "max_ms"),
+            *(
+                _ms(link, "tcp", "stalls", kind, figure) if link.count("tcp", "stalls", kind, "count") else _UNKNOWN
+                for figure in ("median_ms", "max_ms")
+            ),
             ", ".join(f"{why} {count}" for why, count in link.table("tcp", "stalls", kind, "not_stalls").items())
             or _UNKNOWN,
         )
