@@ -1,16 +1,21 @@
 """Stalls of KST connections on real sockets: the kernel's own Nagle and delayed acknowledgements."""
 
+import json
 import select
 import socket
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
+from pathlib import Path
 
 import pytest
 
 from hil.clock import MonotonicClock, Pause
 from hil.kst.stalls import StallWatch
 from hil.values.finding import Finding, Whose
+from tests.network.test_kst import controller
+from tests.support.cli import cli
+from tests.support.processes import wait_for_line
 from transport.kst import LineCutter
 from transport.tcp.sockets import kernel_facts, set_no_delay
 
@@ -71,7 +76,7 @@ def _replies_to(line: bytes) -> int:
 
 
 @contextmanager
-def served(*, nagle: bool, no_delay: bool) -> Iterator[tuple[StallWatch, socket.socket, Callable[[int], None]]]:
+def served(*, nagle: bool, no_delay: bool) -> Iterator[tuple[StallWatch, socket.socket, Callable[[int], object]]]:
     """Yield what the server sees, a client's connection, and what waits for so many replies there."""
     server = Server(nagle=nagle)
     server.start()
@@ -88,20 +93,20 @@ def served(*, nagle: bool, no_delay: bool) -> Iterator[tuple[StallWatch, socket.
         server.join()
 
 
-def asks_in_two_writes(client: socket.socket, take: Callable[[int], None], count: int) -> None:
+def asks_in_two_writes(client: socket.socket, take: Callable[[int], object], count: int) -> None:
     for _ in range(count):
         client.sendall(b"jp_0.1_0.2_0.3_-1.5_0.1_1.5_0.1_")
         client.sendall(b"\n")
         take(1)
 
 
-def moves(client: socket.socket, take: Callable[[int], None], count: int) -> None:
+def moves(client: socket.socket, take: Callable[[int], object], count: int) -> None:
     for _ in range(count):
         client.sendall(b"doPTPinJS\n")
         take(2)
 
 
-def streams(client: socket.socket, take: Callable[[int], None], count: int) -> None:
+def streams(client: socket.socket, take: Callable[[int], object], count: int) -> None:
     """Some 500 set-points a second, and a query now and then, as programs have that look where they are."""
     pause, at_ns = Pause(1.0), 0
     for number in range(count * 30):
@@ -148,3 +153,21 @@ def test_with_no_delay_on_both_sides_there_is_nothing_to_tell() -> None:
         streams(client, take, 5)
     assert watch.report()["requests"] == 50 + 20 + 5 * 31
     assert not [finding for finding in watch.findings() if finding.is_wrong]
+
+
+def test_a_running_controller_says_it_in_its_log_and_to_the_doctor(tmp_path: Path) -> None:
+    pad = tmp_path / "pad.sock"
+    with (
+        controller("--pad", pad) as running,
+        closing(running.connect()) as client,
+        client.makefile("rb") as replies,
+    ):
+        asks_in_two_writes(client, lambda count: [replies.readline() for _ in range(count)], 8)
+        said = wait_for_line(running.process, "kst: tcp: the client has to set TCP_NODELAY")[-1]
+        # What the server's process did is told every half second.
+        ended = cli("doctor", "kst", "--socket", pad, "--seconds", "0.6", "--json", "-")
+        client.sendall(b"end\n")
+        assert replies.read() == b""
+    found = json.loads(ended.out)["findings"][0]
+    assert (ended.code, found["kind"], found["whose"]) == (1, "kst-request-in-parts", "peer")
+    assert "requests came in parts" in said
