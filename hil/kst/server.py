@@ -152,9 +152,8 @@ class KstServer:
             await self._visited(sock, peer, robot)
         except HilError as error:
             self._tell(f"{peer} cannot be served: {error}")
-        except Exception as error:
-            self._tell(f"the session of {peer} failed: {error!r}")
-            raise
+        except Exception as error:  # noqa: BLE001  # the next client is served all the same
+            self._tell(f"the session of {peer} failed, which is a fault of the server: {error!r}")
         finally:
             await robot.close()
             _close(sock)

@@ -41,7 +41,7 @@ WAITING_MOST: Final = 8
 TOLD_MOST: Final = 200
 """Sentences nobody has read yet; more are counted only."""
 TOLD_ALIKE: Final = 5
-"""Refusals of one kind that are told each; of those after them every hundredth is."""
+"""Refusals of one kind that are told each; of those after them the tenth, hundredth, thousandth and so on."""
 _PIN_IS_HIGH: Final = True
 """As the servers for a flange without connectors have it."""
 
@@ -207,7 +207,7 @@ class KstSession:
         """Count something that was refused, and tell it."""
         self.refused[problem] += 1
         count = self.refused[problem]
-        if count <= TOLD_ALIKE or count % 100 == 0:
+        if count <= TOLD_ALIKE or str(count).strip("0") == "1":
             more = "" if count < TOLD_ALIKE else f" ({count} of this kind so far)"
             self.tell(f"refused, {problem}: {sentence}{more}")
 

@@ -8,7 +8,7 @@ from hil.values.servo import Vector
 
 KST_PORT: Final = 30001
 DEFAULT_WATCHDOG_MS: Final = 1000
-MOTION_GAP_NS: Final = 40_000_000
+MOTION_GAP_NS: Final = 100_000_000
 """Least time between the two acknowledgements of a motion: a client that reads all that came must not get both."""
 
 

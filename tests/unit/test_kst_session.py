@@ -308,6 +308,7 @@ def test_refusals_are_told_at_first_and_then_counted() -> None:
     for _ in range(250):
         bench.say("foo")
     assert bench.session.refused[Problem.UNKNOWN] == 250
+    # The first five, the tenth and the hundredth.
     assert bench.told().count("\n") == 5 + 2 - 1
 
 
