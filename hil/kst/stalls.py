@@ -192,7 +192,9 @@ class StallWatch:
     def written(self, now_ns: int, *, size: int, kernel: Kernel | None) -> None:
         """One reply of ``size`` bytes was handed to the kernel, which is asked after that."""
         self._take(now_ns, kernel)
-        self._replies += size > 0
+        if size <= 0:
+            return
+        self._replies += 1
         # It carries the acknowledgement of what was read: what comes next was not held for want of one.
         self._last = self.due_ns = None
         if kernel is not None and self._held is None and kernel.unacknowledged:
@@ -286,7 +288,7 @@ class StallWatch:
         if kernel.least_round_trip_ms is not None:
             # The kernel's own least one is that of some minutes, and may be a delayed one's in the end.
             way_ns = round(kernel.least_round_trip_ms * _NS_PER_MS)
-            self._least_way_ns = min(way_ns, self._least_way_ns or way_ns)
+            self._least_way_ns = way_ns if self._least_way_ns is None else min(way_ns, self._least_way_ns)
         if self._held is not None and not kernel.not_sent_bytes:
             self._released(now_ns, self._held, kernel)
             self._held = None
