@@ -9,6 +9,7 @@ from typing import Final
 
 from hil.client.servo import HilError
 from hil.kst.session import KstSession
+from hil.kst.stalls import StallWatch
 from transport.tcp.sockets import kernel_facts, set_no_delay
 
 READ_MOST_BYTES: Final = 1 << 16
@@ -34,6 +35,7 @@ class Connection:
         answers_eof: bool = True,
     ) -> None:
         self.session = session
+        self.watch = StallWatch(session.settings.nagle)
         self.over = asyncio.Event()
         self.why = ""
         """Why it is over."""
@@ -43,6 +45,7 @@ class Connection:
         self._loop = asyncio.get_running_loop()
         self._unsent = bytearray()
         self._timer: asyncio.TimerHandle | None = None
+        self._sampling: asyncio.TimerHandle | None = None
         self._loop.add_reader(sock, self._readable)
 
     def work(self) -> None:
@@ -64,6 +67,7 @@ class Connection:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
+        self._sample_when_due()
         due_ns = self.session.due_ns
         if due_ns is not None:
             left_s = max((due_ns - now_ns) * 1e-9, LOOK_AGAIN_S)
@@ -74,8 +78,9 @@ class Connection:
         if self.over.is_set():
             return
         self.why = why
-        if self._timer is not None:
-            self._timer.cancel()
+        for timer in (self._timer, self._sampling):
+            if timer is not None:
+                timer.cancel()
         self._loop.remove_reader(self._socket)
         self._loop.remove_writer(self._socket)
         self.over.set()
@@ -94,12 +99,35 @@ class Connection:
             else:
                 self._loop.remove_reader(self._socket)
             return
+        now_ns, kernel, before = self._now_ns(), kernel_facts(self._socket), self.session.requests
         try:
-            self.session.receive(data, now_ns=self._now_ns())
+            self.session.receive(data, now_ns=now_ns)
         except HilError as error:
             self.end(str(error))
             return
+        self.watch.received(
+            now_ns,
+            bytes_read=len(data),
+            lines=self.session.requests - before,
+            replies_due=self.session.replies_due,
+            line_open=self.session.line_open,
+            kernel=kernel,
+        )
         self.work()
+        self._sample_when_due()
+
+    def _sample_when_due(self) -> None:
+        """A timer that runs is left alone: what came meanwhile has put off what it is for, and it looks again."""
+        due_ns = self.watch.due_ns
+        if due_ns is not None and self._sampling is None and not self.over.is_set():
+            self._sampling = self._loop.call_later((due_ns - self._now_ns()) * 1e-9, self._sample)
+
+    def _sample(self) -> None:
+        self._sampling = None
+        due_ns, now_ns = self.watch.due_ns, self._now_ns()
+        if due_ns is not None and now_ns >= due_ns:
+            self.watch.sampled(now_ns, kernel_facts(self._socket))
+        self._sample_when_due()
 
     def _send(self, reply: bytes) -> None:
         if self._unsent:
@@ -112,6 +140,7 @@ class Connection:
             except OSError as error:
                 self.end(f"the connection broke: {error.strerror}")
                 return
+            self.watch.written(self._now_ns(), size=sent, kernel=kernel_facts(self._socket))
             if sent < len(reply):
                 self._unsent += reply[sent:]
                 self._loop.add_writer(self._socket, self._writable)
@@ -132,7 +161,8 @@ class Connection:
 
     def _all_acknowledged(self, now_ns: int) -> bool:
         due_ns = self.session.due_ns
-        if due_ns is None or now_ns < due_ns:
+        if due_ns is None or now_ns < due_ns or self.session.settings.nagle:
+            # With Nagle's algorithm on the kernel holds it back by itself, as it does a published server's.
             return True
         facts = kernel_facts(self._socket)
         return facts is None or not facts.unacknowledged or now_ns > due_ns + HELD_MOST_NS

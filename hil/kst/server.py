@@ -27,6 +27,13 @@ TELL_S: Final = 0.05
 """How often what a session says is taken."""
 
 
+class _Caller(NamedTuple):
+    """A connection that was accepted."""
+
+    sock: socket.socket
+    peer: Address
+
+
 class _Visit(NamedTuple):
     """A client that is served."""
 
@@ -61,9 +68,12 @@ class KstServer:
         self._stopped = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
         self._visit: _Visit | None = None
+        self._next: _Caller | None = None
+        """Who came while the one before was let go."""
         self._counters: Counter[str] = Counter()
         self._refused: Counter[Problem] = Counter()
         self._second_clients = 0
+        self._tcp: dict[str, object] | None = None
 
     async def serve(self) -> None:
         """Serve until :meth:`stop`, or, strictly, until the one session is over."""
@@ -80,6 +90,8 @@ class KstServer:
             self._listener.close()
             if self._visit is not None:
                 self._visit.connection.end("the controller ends")
+            if self._next is not None:
+                _close(self._next.sock)
             if self._task is not None:
                 await asyncio.gather(self._task, return_exceptions=True)
 
@@ -105,6 +117,7 @@ class KstServer:
             "counters": dict(sorted(counters.items())),
             "refused": {problem.value: count for problem, count in sorted(refused.items())},
             "outputs": outputs,
+            "tcp": self._tcp if visit is None else visit.connection.watch.report(),
         }
 
     def _nobody_came(self) -> None:
@@ -120,30 +133,41 @@ class KstServer:
             self._loop.remove_reader(self._listener)
             self._loop.call_later(PAUSE_S, self._listen_again)
             return
-        address = Address(*peer)
+        caller = _Caller(sock, Address(*peer))
         prepare(sock, nagle=self.settings.nagle, keep_alive=not self.settings.strict)
-        if self._task is not None:
-            self._turn_away(sock, address)
-            return
+        if self._task is None:
+            self._begin(caller)
+        elif self._leaves and self._next is None:
+            self._next = caller
+        else:
+            self._turn_away(caller)
+
+    def _begin(self, caller: _Caller) -> None:
         if self.settings.strict:
             # It accepts once; whoever comes then waits in the backlog for ever.
             self._loop.remove_reader(self._listener)
         self.sessions += 1
-        self._task = self._loop.create_task(self._serve_one(sock, address), name=f"KST client {address}")
+        self._task = self._loop.create_task(self._serve_one(caller), name=f"KST client {caller.peer}")
+
+    @property
+    def _leaves(self) -> bool:
+        """Whether the client that is served has gone, and only its arm has to come to rest."""
+        return self._visit is not None and self._visit.connection.over.is_set()
 
     def _listen_again(self) -> None:
         if not self._stopped.is_set():
             self._loop.add_reader(self._listener, self._acceptable)
 
-    def _turn_away(self, sock: socket.socket, peer: Address) -> None:
+    def _turn_away(self, caller: _Caller) -> None:
         self._second_clients += 1
         served = "another" if self._visit is None else str(self._visit.peer)
-        self._tell(f"{peer} was turned away: {served} is served, and KST serves one client at a time")
+        self._tell(f"{caller.peer} was turned away: {served} is served, and KST serves one client at a time")
         with contextlib.suppress(OSError):
-            sock.send(NAK)
-        _close(sock)
+            caller.sock.send(NAK)
+        _close(caller.sock)
 
-    async def _serve_one(self, sock: socket.socket, peer: Address) -> None:
+    async def _serve_one(self, caller: _Caller) -> None:
+        sock, peer = caller
         robot = self._make_robot(self._tell)
         try:
             await robot.connect()
@@ -155,10 +179,14 @@ class KstServer:
         finally:
             await robot.close()
             _close(sock)
+            self._note(self._visit)
             self._visit = self._task = None
             if self.settings.strict:
                 self._tell("a published server ends with its session, and so does this one (--kst-strict)")
                 self.stop()
+            following, self._next = self._next, None
+            if following is not None and not self._stopped.is_set():
+                self._begin(following)
 
     async def _visited(self, sock: socket.socket, peer: Address, robot: Robot) -> None:
         visit = self._new_visit(sock, peer, robot)
@@ -172,17 +200,22 @@ class KstServer:
             lost.cancel()
             await asyncio.gather(lost, return_exceptions=True)
             connection.end("the controller ends")
+            _close(sock)
             moving = session.busy
             if moving and self.settings.strict and session.over:
                 await arm.finish()
             else:
                 await arm.abort()
-            self._take_words(session)
-            self._counters += session.counters
-            self._refused += session.log.refused
-            self._visit = None
+            self._take_words(visit)
             braked = "; the arm brakes" if moving and not self.settings.strict else ""
             self._tell(f"{peer} is served no more: {connection.why}{braked}; {_in_short(session)}")
+
+    def _note(self, visit: _Visit | None) -> None:
+        """Keep what is to be reported of a visit that is over."""
+        if visit is not None:
+            self._tcp = visit.connection.watch.report()
+            self._counters += visit.session.counters
+            self._refused += visit.session.log.refused
 
     def _new_visit(self, sock: socket.socket, peer: Address, robot: Robot) -> _Visit:
         settings, clock = self.settings, self._clock
@@ -205,15 +238,17 @@ class KstServer:
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(TELL_S):
                     await visit.connection.over.wait()
-            self._take_words(visit.session)
+            self._take_words(visit)
             if not robot.is_there:
                 visit.connection.end("the controller ended the session of this server")
             if visit.connection.over.is_set():
                 return
 
-    def _take_words(self, session: KstSession) -> None:
-        while session.log.told:
-            self._tell(session.log.told.popleft())
+    def _take_words(self, visit: _Visit) -> None:
+        while visit.session.log.told:
+            self._tell(visit.session.log.told.popleft())
+        for finding in visit.connection.watch.news():
+            self._tell(f"tcp: {finding.sentence}")
 
 
 def _in_short(session: KstSession) -> str:

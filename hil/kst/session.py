@@ -80,6 +80,8 @@ class KstSession:
         """Whether the client ended it."""
         self.counters: Counter[str] = Counter()
         self.log = Log()
+        self.requests = 0
+        """Lines that asked for something: blank ones are none."""
         self.outputs: dict[str, bool] = {}
         """Outputs that were set; nothing is connected to them."""
         self.tcp_in_flange = NOWHERE
@@ -103,6 +105,16 @@ class KstSession:
         if self._open_since_ns is not None:
             dues.append(self._open_since_ns + OPEN_LINE_NS)
         return min(dues, default=None)
+
+    @property
+    def replies_due(self) -> int:
+        """Return how many replies :meth:`replies` has at once."""
+        return len(self._now)
+
+    @property
+    def line_open(self) -> bool:
+        """Return whether what came ends within a line."""
+        return bool(self._cutter.open_line)
 
     @property
     def busy(self) -> bool:
@@ -160,6 +172,7 @@ class KstSession:
         request = read_request(line)
         if request is None:
             return
+        self.requests += 1
         if isinstance(request, Refused):
             self._refuse(request, now_ns)
         elif request.spec.served is Served.IDLE and self.busy and request.spec.command in _NEED_THE_ARM:

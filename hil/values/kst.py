@@ -40,4 +40,5 @@ class KstSettings:
     @property
     def motion_gap_ns(self) -> int:
         """Return the least time between two acknowledgements that belong together."""
-        return 0 if self.strict else MOTION_GAP_NS
+        # With Nagle's algorithm the kernel keeps the second one back until the first one was acknowledged.
+        return 0 if self.strict or self.nagle else MOTION_GAP_NS

@@ -110,6 +110,34 @@ def test_a_stream_without_answers_is_held_too() -> None:
     assert "tcp-slow-program" not in kinds(talk)
 
 
+LOOPBACK = SynOptions(65495, 7, has_timestamps=True)
+
+
+def test_what_was_collected_may_be_larger_than_ethernets_segments() -> None:
+    """A stream on one machine: Nagle holds what does not fill a segment, and that is 65 kB there."""
+    talk = Talk().handshake(to_server_ms=0.02, options=LOOPBACK)
+    for number in range(8):
+        at_ms = 10 + number * 100.0
+        talk.client(at_ms, 71)
+        talk.server(at_ms + 42)
+        talk.client(at_ms + 42.02, 1491)
+        talk.server(at_ms + 42.03)
+    found = only("tcp-nagle", talk)
+    assert found.figures["stalls"] == 8
+
+
+def test_a_large_segment_that_leaves_unasked_is_no_proof_that_nothing_is_held() -> None:
+    talk = Talk().handshake(to_server_ms=0.02, options=LOOPBACK)
+    for number in range(8):
+        at_ms = 10 + number * 100.0
+        talk.client(at_ms, 71)
+        talk.client(at_ms + 5, 30_000)
+        talk.server(at_ms + 42)
+        talk.client(at_ms + 42.02, 71)
+        talk.server(at_ms + 42.03)
+    assert "TCP_NODELAY is set there" not in str(diagnosis(talk).as_dict())
+
+
 def test_one_or_two_may_be_chance() -> None:
     found = only("tcp-nagle", asks_in_two_parts(Talk().handshake(), delay_ms=40, count=2))
     assert found.severity is Severity.WARNING

@@ -12,15 +12,15 @@ from transport.udp import parse_address
 
 CAN_QUICK_ACK: Final = hasattr(socket, "TCP_QUICKACK")
 """Linux only."""
-_TCP_INFO_BYTES: Final = 104
-_UNACKNOWLEDGED_AT: Final = 24
-_RTT_AT: Final = 68
-_TOTAL_RETRANSMISSIONS_AT: Final = 100
-_U32 = struct.Struct("@I")
+_OLD_INFO: Final = struct.Struct("@12xI4xII24xII8xI28xI")
+"""struct tcp_info of every Linux: tcpi_ato, rcv_mss, unacked, last_data_recv, last_ack_recv, rtt, total_retrans."""
+_INFO: Final = struct.Struct("@12xI4xII24xII8xI28xI32xI4xIIII")
+"""From Linux 4.6 on: segs_out, notsent_bytes, min_rtt, data_segs_in and data_segs_out too."""
+_NEVER: Final = (1 << 32) - 1
 
 
 class Kernel(NamedTuple):
-    """What the kernel measured by itself (struct tcp_info of Linux)."""
+    """What the kernel measured by itself (struct tcp_info of Linux); None: this Linux is too old to tell."""
 
     round_trip_ms: float
     """Smoothed; it includes what an acknowledgement was delayed by."""
@@ -28,6 +28,22 @@ class Kernel(NamedTuple):
     """Segments of this side that were sent again, since the connection began."""
     unacknowledged: int = 0
     """Segments of this side that the other one has not acknowledged."""
+    not_sent_bytes: int | None = None
+    """What was written here and has not left: Nagle's algorithm holds it, or the other side's window is closed."""
+    least_round_trip_ms: float | None = None
+    """The handshake's or a prompt answer's: no delayed acknowledgement is in it."""
+    bare_acknowledgements: int | None = None
+    """Segments without data that this side sent, since the connection began; its SYN is one."""
+    segments_received: int | None = None
+    """Segments with data of the other side, since the connection began."""
+    delay_ms: float = 0.0
+    """How long this kernel waits for a reply that could carry its acknowledgement (ATO)."""
+    full_bytes: int = 0
+    """The largest segment that the other side seems to send."""
+    since_received_ms: int = 0
+    """Since the last data of the other side arrived."""
+    since_acknowledged_ms: int = 0
+    """Since the last acknowledgement of the other side arrived."""
 
 
 def set_no_delay(sock: socket.socket, on: bool) -> None:
@@ -46,15 +62,42 @@ def kernel_facts(sock: socket.socket) -> Kernel | None:
     if sys.platform != "linux":
         return None
     try:
-        info = sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _TCP_INFO_BYTES)
+        info = sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _INFO.size)
     except OSError:
         return None
-    if len(info) < _TCP_INFO_BYTES:
+    if len(info) < _INFO.size:
+        return _old_facts(info)
+    ato_us, full, unacknowledged, received_ms, acknowledged_ms, round_trip_us, again, *more = _INFO.unpack(info)
+    segments, not_sent, least_us, data_in, data_out = more
+    return Kernel(
+        round_trip_us / 1000.0,
+        again,
+        unacknowledged,
+        not_sent,
+        # All bits set where none was measured yet.
+        None if least_us == _NEVER else least_us / 1000.0,
+        (segments - data_out) & _NEVER,
+        data_in,
+        ato_us / 1000.0,
+        full,
+        received_ms,
+        acknowledged_ms,
+    )
+
+
+def _old_facts(info: bytes) -> Kernel | None:
+    if len(info) < _OLD_INFO.size:
         return None
-    (round_trip_us,) = _U32.unpack_from(info, _RTT_AT)
-    (retransmissions,) = _U32.unpack_from(info, _TOTAL_RETRANSMISSIONS_AT)
-    (unacknowledged,) = _U32.unpack_from(info, _UNACKNOWLEDGED_AT)
-    return Kernel(round_trip_us / 1000.0, retransmissions, unacknowledged)
+    ato_us, full, unacknowledged, received_ms, acknowledged_ms, round_trip_us, again = _OLD_INFO.unpack_from(info)
+    return Kernel(
+        round_trip_us / 1000.0,
+        again,
+        unacknowledged,
+        delay_ms=ato_us / 1000.0,
+        full_bytes=full,
+        since_received_ms=received_ms,
+        since_acknowledged_ms=acknowledged_ms,
+    )
 
 
 def parse_tcp_address(text: str, *, resolve: bool = True, port_0: bool = False) -> Address:

@@ -2,7 +2,7 @@
 
 import typer
 
-from hil.cli.doctor import capture, host, tcp, udp
+from hil.cli.doctor import capture, host, kst, tcp, udp
 
 app = typer.Typer(
     help="Whose fault was it: one sentence, and the evidence below it. Exit code 0: nothing found, 1: something is "
@@ -18,5 +18,6 @@ def doctor() -> None:
 
 app.command("capture")(capture.capture)
 app.command("host")(host.host)
+app.command("kst")(kst.kst)
 app.command("tcp")(tcp.tcp)
 app.command("udp")(udp.udp)

@@ -170,8 +170,9 @@ class Direction:
             self._missing.add(expected, start, at_ns)
         self.segments += 1
         small = self.is_small(size)
-        if small and not segment.flags & FIN and start >= expected:
-            self._judge(segment, back_ns)
+        collected = self.full_bytes is not None and size < self.full_bytes
+        if (small or collected) and not segment.flags & FIN and start >= expected:
+            self._judge(segment, back_ns, small=small)
         self._last = Sent(segment.number, at_ns, size, end)
         self._next = end
         if small:
@@ -221,13 +222,14 @@ class Direction:
         if not segment.size and not segment.flags & (SYN | FIN):
             self._free = Acknowledged(segment.number, segment.at_unix_ns, waited_ns, window_before)
 
-    def _judge(self, segment: Segment, back_ns: int | None) -> None:
-        """Say of a new small segment whether it was held until an acknowledgement came."""
+    def _judge(self, segment: Segment, back_ns: int | None, *, small: bool) -> None:
+        """Say of a new segment that is not full whether it was held until an acknowledgement came."""
         if self._acknowledged is None:
             return
         if self._small_end is not None and self._small_end > self._acknowledged:
-            self.unheld += 1
-            self.first_unheld = self.first_unheld or segment.number
+            if small:
+                self.unheld += 1
+                self.first_unheld = self.first_unheld or segment.number
             return
         free, last = self._free, self._last
         if free is None or last is None or last.end != self._small_end or self._disturbed:
