@@ -141,6 +141,7 @@ class KstConfig(_Model):
         return KstSettings(
             position_min_rad=description.limits.position_min_rad,
             position_max_rad=description.limits.position_max_rad,
+            velocity_max_rad_s=description.limits.velocity_rad_s,
             strict=self.strict,
             nagle=self.nagle or self.strict,
             watchdog_ms=self.watchdog_ms,

@@ -98,6 +98,9 @@ class OriginalSession(KstSession):
     def _outside(self, position_rad: Vector) -> str:  # noqa: ARG002  # the controller judges
         return ""
 
+    def _too_fast(self, velocity_rad_s: Vector) -> str:  # noqa: ARG002  # the controller judges
+        return ""
+
     def _motion_of(self, request: Request) -> Motion | str:
         if request.spec.command is Command.MOVE_CIRCLE_UNTIL:
             # It mixes them up.

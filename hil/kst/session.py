@@ -251,6 +251,9 @@ class KstSession:
         self._answer(request.spec.reply)
 
     def _set_velocities(self, request: Request, now_ns: int) -> None:
+        if too_fast := self._too_fast(request.values):
+            self._refuse(Refused(Problem.OUT_OF_RANGE, too_fast, request.text, request.spec), now_ns)
+            return
         self.registers.velocity_rad_s, self.registers.velocity_at_ns = request.values, now_ns
         self._set_point_taken()
         self._answer(request.spec.reply)
@@ -297,6 +300,13 @@ class KstSession:
         for axis, (position, (least, most)) in enumerate(zip(position_rad, ranges, strict=True)):
             if not least <= position <= most:
                 return f"{JOINT_NAMES[axis]} at {position:.6g} rad is outside its range {least:.4f}..{most:.4f} rad"
+        return ""
+
+    def _too_fast(self, velocity_rad_s: Vector) -> str:
+        """Return which axis cannot be so fast, or an empty text."""
+        for axis, (velocity, most) in enumerate(zip(velocity_rad_s, self.settings.velocity_max_rad_s, strict=True)):
+            if abs(velocity) > most:
+                return f"{JOINT_NAMES[axis]} at {velocity:.6g} rad/s is faster than its {most:.4f} rad/s"
         return ""
 
     # --- served when the arm is free ----------------------------------------------------------------------------

@@ -61,6 +61,7 @@ def settings_of(content: dict[str, Any]) -> KstSettings:
     return KstSettings(
         position_min_rad=tuple(content["position_min_rad"]),
         position_max_rad=tuple(content["position_max_rad"]),
+        velocity_max_rad_s=tuple(content["velocity_max_rad_s"]),
         strict=content["strict"],
         nagle=content["nagle"],
         watchdog_ms=content["watchdog_ms"],

@@ -1,5 +1,6 @@
 """How a KST server behaves: the third link of a robot, TCP, for programs of the KST toolbox and its siblings."""
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
@@ -23,10 +24,11 @@ class UnprovenLoad(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class KstSettings:
-    """Behaviour of a server, and the robot's axis ranges in rad."""
+    """Behaviour of a server, and the robot's axis limits."""
 
     position_min_rad: Vector
     position_max_rad: Vector
+    velocity_max_rad_s: Vector = (math.inf,) * 7
     strict: bool = False
     """Do as a published server does, its faults included."""
     nagle: bool = False

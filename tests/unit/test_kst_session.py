@@ -211,6 +211,13 @@ def test_a_target_that_was_refused_is_none() -> None:
     assert bench.session.registers.speed is None
 
 
+def test_a_velocity_an_axis_cannot_have_is_refused_and_the_one_before_stays() -> None:
+    bench = Bench(settings=KstSettings((-2.9,) * 7, (2.9,) * 7, (1.0,) * 7))
+    assert bench.say("stVelDcJoint_", "velJDC_0.5_0_0_0_0_0_0_", "velJDC_0_0_-1.5_0_0_0_0_") == [DONE, DONE, NAK]
+    assert "A3 at -1.5 rad/s is faster than its 1.0000 rad/s" in bench.told()
+    assert bench.session.registers.velocity_rad_s[0] == 0.5
+
+
 def test_a_set_point_that_is_refused_changes_nothing_and_the_mode_goes_on() -> None:
     bench = serving()
     for wrong in ("jp_1_2_", "jp_0_0_x_0_0_0_0_", "jpExT_0_0_NaN_0_0_0_0_", "jpJP_9_0_0_0_0_0_0_"):
