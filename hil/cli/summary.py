@@ -90,7 +90,17 @@ def _figures(robot: dict[str, Any]) -> dict[str, str]:
         }
     if robot["servo"] is not None:
         figures |= _servo_figures(robot["servo"])
+    if robot.get("kst") is not None:
+        figures["KST programs"] = _kst_figures(robot["kst"])
     return figures
+
+
+def _kst_figures(kst: dict[str, Any]) -> str:
+    if kst["fault"] is not None or "sessions" not in kst:
+        return f"not served: {kst['fault'] or 'no report came'}"
+    refused = ", ".join(f"{reason} {count}" for reason, count in kst["refused"].items())
+    set_points = kst["counters"].get("set_points", 0)
+    return f"{kst['sessions']} sessions, {set_points} set-points; refused: {refused or 'none'}"
 
 
 def _servo_figures(servo: dict[str, Any]) -> dict[str, str]:

@@ -50,6 +50,7 @@ def controller(*options: object, status: Path | None = None) -> Iterator[Running
         process.send_signal(signal.SIGINT)
         ended = finish(process)
         assert ended.code == 0, ended.err
+        assert "KST programs" in ended.out
 
 
 @pytest.fixture(scope="module")
@@ -158,9 +159,11 @@ def test_a_flood_of_lines_costs_the_controller_nothing(running: Running) -> None
 
 def test_the_status_file_and_the_pad_tell_what_was_served(tmp_path: Path) -> None:
     status = tmp_path / "status.json"
-    with controller(status=status) as served, client(served) as link:
-        assert ask(link, "blueOn") == b"done\n"
-        assert ask(link, "foo") == b"nak\n"
+    with controller(status=status) as served:
+        with client(served) as link:
+            assert ask(link, "blueOn") == b"done\n"
+            assert ask(link, "foo") == b"nak\n"
+        told(served, "is served no more")
     kst = json.loads(status.read_text())["robots"]["arm"]["kst"]
     assert (kst["sessions"], kst["refused"], kst["counters"]["lines"]) == (1, {"unknown command": 1}, 3)
     assert kst["address"].startswith("127.")
