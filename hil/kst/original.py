@@ -98,6 +98,9 @@ class OriginalSession(KstSession):
     def _outside(self, position_rad: Vector) -> str:  # noqa: ARG002  # the controller judges
         return ""
 
+    def _too_far(self, pose_values: Vector) -> str:  # noqa: ARG002  # the controller judges
+        return ""
+
     def _too_fast(self, velocity_rad_s: Vector) -> str:  # noqa: ARG002  # the controller judges
         return ""
 

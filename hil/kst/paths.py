@@ -23,6 +23,8 @@ TURNING_RAD_S: Final = math.radians(90.0)
 TURN_AS_LENGTH_MM: Final = 300.0
 T1_MM_S: Final = 225.0
 """Most the flange may do on a path in T1: nine tenths of what the monitor stops at."""
+FASTEST_MM_S: Final = 5000.0
+"""Whatever is asked for: no axis lets a TCP be so fast."""
 _SAMPLES: Final = 64
 _COLLINEAR: Final = 1e-6
 _SAME_PLACE_M: Final = 1e-6
@@ -132,7 +134,7 @@ def limits_of(path: Path, *, speed_mm_s: float, tcp_in_flange: Pose, in_t1: bool
         return None
     velocity = math.inf
     if path.length_m >= _SAME_PLACE_M:
-        velocity = speed_mm_s / (path.length_m * 1e3)
+        velocity = min(speed_mm_s, FASTEST_MM_S) / (path.length_m * 1e3)
     if path.turn_rad >= 1e-6:
         velocity = min(velocity, TURNING_RAD_S / path.turn_rad)
     if in_t1:

@@ -37,6 +37,7 @@ from transport.kst import (
 
 OPEN_LINE_NS: Final = 1_000_000_000
 """A line that has no end for so long is told."""
+FAR_MM: Final = 10_000.0
 WAITING_MOST: Final = 8
 """Requests that wait for a real-time mode to end."""
 _PIN_IS_HIGH: Final = True
@@ -181,6 +182,9 @@ class KstSession:
             self._do(request, now_ns)
 
     def _do(self, request: Request, now_ns: int) -> None:
+        if request.spec.command in _HAVE_A_POSE and (far := self._too_far(request.values)):
+            self._refuse(Refused(Problem.OUT_OF_RANGE, far, request.text, request.spec), now_ns)
+            return
         _HANDLERS[request.spec.command](self, request, now_ns)
 
     def _while_busy(self, request: Request, now_ns: int) -> None:
@@ -309,6 +313,13 @@ class KstSession:
                 return f"{JOINT_NAMES[axis]} at {velocity:.6g} rad/s is faster than its {most:.4f} rad/s"
         return ""
 
+    def _too_far(self, pose_values: Vector) -> str:
+        """Return which coordinate no arm reaches, or an empty text."""
+        for name, value in zip("xyz", pose_values, strict=False):
+            if abs(value) > FAR_MM:
+                return f"{name} at {value:g} mm is beyond the reach of any arm; {FAR_MM:g} mm are allowed"
+        return ""
+
     # --- served when the arm is free ----------------------------------------------------------------------------
 
     def _attach_tool(self, request: Request, _now_ns: int) -> None:
@@ -394,5 +405,14 @@ _HANDLERS: Final[Mapping[Command, Callable[[KstSession, Request, int], None]]] =
     Command.HAND_GUIDING: KstSession._hand_guiding,
 }
 
+_HAVE_A_POSE: Final = frozenset(
+    {
+        Command.ATTACH_TOOL,
+        Command.SET_POSE,
+        Command.SET_CIRCLE_AUXILIARY,
+        Command.SET_CIRCLE_END,
+        Command.SET_SERVO_POSE,
+    }
+)
 _NEED_THE_ARM: Final = frozenset(Command) - {Command.QUERY, Command.SET_SPEED, Command.HAND_GUIDING}
 """Of the commands that are served when the arm is free, those that truly need it; the others are served always."""

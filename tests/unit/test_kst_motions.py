@@ -120,6 +120,16 @@ def test_a_pose_out_of_reach_is_a_nak_and_the_next_motion_is_done(hil_controller
     hil_controller.run_async(program())
 
 
+def test_a_speed_beyond_everything_is_as_fast_as_the_arm_can(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await at_start(robot)
+            assert await robot.move("jRelVel_1e308_", "cArtixanPosition_0_100_0_0_0_0_", "doPTPinCSRelBase") == "done"
+            assert (await robot.numbers("Eef_pos"))[1] == pytest.approx(100.0, abs=0.3)
+
+    hil_controller.run_async(program())
+
+
 def test_a_tool_moves_the_point_that_is_led(hil_controller: VirtualController) -> None:
     async def program() -> None:
         async with visit() as robot:

@@ -211,6 +211,22 @@ def test_a_target_that_was_refused_is_none() -> None:
     assert bench.session.registers.speed is None
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        "cArtixanPosition_1e308_0_0_0_0_0_",
+        "cArtixanPositionCirc1_0_-20000_0_0_0_0_",
+        "cArtixanPositionCirc2_0_0_20000_0_0_0_",
+        "DcSeCarJP_0_0_1e300_0_0_0_",
+        "TFtrans_1e9_0_0_0_0_0",
+    ],
+)
+def test_a_place_no_arm_reaches_is_refused(line: str) -> None:
+    bench = Bench()
+    assert bench.say(line) == [NAK]
+    assert "is beyond the reach of any arm" in bench.told()
+
+
 def test_a_velocity_an_axis_cannot_have_is_refused_and_the_one_before_stays() -> None:
     bench = Bench(settings=KstSettings((-2.9,) * 7, (2.9,) * 7, (1.0,) * 7))
     assert bench.say("stVelDcJoint_", "velJDC_0.5_0_0_0_0_0_0_", "velJDC_0_0_-1.5_0_0_0_0_") == [DONE, DONE, NAK]
