@@ -280,6 +280,11 @@ class KstSession:
         self._now.append(DONE)
 
     def _stop_servo(self, _request: Request, now_ns: int) -> None:
+        # A stop holds for what was asked for before it, also for what has not begun.
+        waiting, self._waiting = self._waiting, deque()
+        for request in waiting:
+            sentence = f"{request.text!r} was stopped before it could begin"
+            self._refuse(Refused(Problem.BUSY, sentence, request.text, request.spec, request.values), now_ns)
         self._now.append(DONE)
         if (self.phase, Event.STOP_ASKED) in PHASES:
             self._step(Event.STOP_ASKED)

@@ -119,6 +119,15 @@ def test_a_start_that_comes_while_a_mode_comes_to_rest_waits_for_that() -> None:
     assert isinstance(bench.arm.begun[-1], JointMotion)
 
 
+def test_a_stop_holds_for_what_waits_too() -> None:
+    bench = serving()
+    assert bench.say("stopDirectServoJoints", "startDirectServoJoints", "stopDirectServoJoints") == [DONE, NAK, DONE]
+    assert "was stopped before it could begin" in bench.told()
+    bench.end()
+    assert not bench.session.busy
+    assert len(bench.arm.begun) == 1
+
+
 def test_what_motions_are_asked_for() -> None:
     bench = Bench()
 
