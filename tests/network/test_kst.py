@@ -144,7 +144,7 @@ def test_a_client_that_does_not_read_is_let_go(running: Running) -> None:
     told(running, "is served no more: the client does not read its replies")
 
 
-def test_a_flood_of_lines_costs_the_controller_nothing(running: Running) -> None:
+def test_lines_as_fast_as_they_can_come_are_answered_one_by_one(running: Running) -> None:
     with client(running) as link:
         asked = 0
         began_ns = elapsed_ns()
