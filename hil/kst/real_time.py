@@ -1,32 +1,18 @@
 """The direct servo modes: loops that pass the newest set-point on, as the application on a Cabinet does.
 
-Source: kst-wire 4.7 for the shaping of joint set-points, the minimum trajectory time and how velocities are integrated.
+Source: kst-wire 4.7 for the minimum trajectory time and how velocities are integrated.
 """
 
-import math
 from typing import Final
 
 from hil.client.servo import AsyncDirectServo, AsyncDirectServoRuntime
 from hil.kst.context import NEVER_S, OPERATORS_PATIENCE_S, Context
 from hil.kst.jobs import CartesianServo, Ended, JointServo, Outcome, VelocityServo
 from hil.kst.registers import STILL, Registers, pose_of
+from hil.kst.shaping import MINIMUM_TIME_S, Shaping
 from hil.values.pose import Pose
-from hil.values.servo import Vector
 
-STEP_MOST_RAD: Final = 0.07
-SOFT_RAD: Final = 0.0525
-"""Shaping: an axis goes for 0.07 (1 - exp(-(error / 0.0525)^2)) rad from where it is measured."""
-MINIMUM_TIME_S: Final = 0.04
-"""Minimum trajectory execution time of joint and Cartesian direct servo."""
 _NS_PER_S: Final = 1e9
-
-
-def shaped(target_rad: Vector, measured_rad: Vector) -> Vector:
-    """Return the destination that joint direct servo makes of a set-point."""
-    return tuple(
-        here + math.copysign(STEP_MOST_RAD * -math.expm1(-(((there - here) / SOFT_RAD) ** 2)), there - here)
-        for there, here in zip(target_rad, measured_rad, strict=True)
-    )
 
 
 async def direct_servo(context: Context, job: JointServo | CartesianServo | VelocityServo) -> Ended:
@@ -51,9 +37,12 @@ async def direct_servo(context: Context, job: JointServo | CartesianServo | Velo
 
 
 async def _joints(context: Context, runtime: AsyncDirectServoRuntime) -> None:
+    shaping, before_ns = Shaping(), runtime.get_time_stamp_of_update()
     while not context.stop.is_set():
         target_rad, measured_rad = context.registers.joints_rad, runtime.get_axis_q_msr_on_controller()
-        await runtime.set_destination(measured_rad if target_rad is None else shaped(target_rad, measured_rad))
+        now_ns = runtime.get_time_stamp_of_update()
+        passed_s, before_ns = (now_ns - before_ns) / _NS_PER_S, now_ns
+        await runtime.set_destination(shaping.destination(target_rad or measured_rad, measured_rad, passed_s=passed_s))
 
 
 async def _poses(context: Context, runtime: AsyncDirectServoRuntime, flange_in_tcp: Pose) -> None:

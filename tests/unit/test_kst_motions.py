@@ -4,8 +4,11 @@ import math
 from dataclasses import replace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from hil.kst.real_time import STEP_MOST_RAD, shaped
+from hil.config.station import parse_station
+from hil.kst.shaping import GROWTH_RAD_S, STEP_MOST_RAD, Shaping, shaped
 from hil.testkit.controller import VirtualController
 from hil.values.kst import KstSettings, UnprovenLoad
 from tests.support.kst_virtual import SETTINGS, Visit, visit
@@ -166,11 +169,45 @@ def test_joint_servo_follows_with_the_published_shaping(hil_controller: VirtualC
 
 
 def test_shaping_is_capped_and_soft() -> None:
-    (far,) = shaped((2.0,), (0.0,))
-    (near,) = shaped((-1e-3,), (0.0,))
-    assert far == pytest.approx(STEP_MOST_RAD)
-    assert near == pytest.approx(-2.5e-5, rel=0.02)
-    assert shaped((0.5,), (0.5,)) == (0.5,)
+    assert shaped(2.0) == pytest.approx(STEP_MOST_RAD)
+    assert shaped(-1e-3) == pytest.approx(-2.5e-5, rel=0.02)
+    assert shaped(0.0) == 0.0
+
+
+@given(st.lists(st.tuples(st.floats(-3.0, 3.0), st.floats(0.0, 0.02)), min_size=1, max_size=30))
+def test_the_way_ahead_keeps_the_published_bounds_and_grows_no_faster_than_an_arm(
+    story: list[tuple[float, float]],
+) -> None:
+    shaping, before = Shaping(), 0.0
+    for target, passed_s in story:
+        (ahead, *_) = shaping.destination((target,) * 7, (0.0,) * 7, passed_s=passed_s)
+        assert abs(ahead) <= abs(shaped(target)) + 1e-12
+        assert abs(ahead) <= abs(before) + GROWTH_RAD_S * passed_s + 1e-12
+        assert ahead * target >= 0.0
+        before = ahead
+
+
+@pytest.mark.parametrize("model", ["lbr-iiwa-14-r820", "lbr-iiwa-7-r800"])
+@pytest.mark.parametrize("cycle_ms", [1, 4])
+def test_a_set_point_that_jumps_is_reached_without_running_past_it(model: str, cycle_ms: int) -> None:
+    """In a stretched pose, three axes at once."""
+    config = {"robot": [{"servo": {}, "model": model, "cycle_ms": cycle_ms, "backend": "mujoco"}]}
+    made = VirtualController(parse_station(config, where="test").robot[0])
+
+    async def program() -> None:
+        async with visit() as robot:
+            assert await robot.move("jRelVel_1.0_", "jp_0_1.2_0_-0.3_0_0.3_0_", "doPTPinJS") == "done"
+            assert await robot.ask("startDirectServoJoints") == ["done"]
+            await robot.pass_s(0.3)
+            assert await robot.ask("jp_0.4_1.0_0_-0.3_0_0.3_0.5_") == ["done"]
+            farthest = 0.0
+            for _ in range(1500 // cycle_ms):
+                farthest = max(farthest, (await robot.next_state()).measured_position[0])
+            assert robot.told == []
+            assert 0.395 < farthest < 0.402
+
+    with made.active():
+        made.run_async(program())
 
 
 def test_cartesian_servo_follows_a_sine_of_the_pose(hil_controller: VirtualController) -> None:
