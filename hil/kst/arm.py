@@ -85,6 +85,8 @@ class ServoArm(Arm):
     async def _run(self, job: Job, stop: asyncio.Event) -> None:
         try:
             client = await self._robot.commander()
+            if waits_for := client.operator.reason:
+                self._tell(f"the motion waits for the operator: {waits_for}")
             context = Context(client, self.registers, self._settings, self._tell, self._now_ns, stop)
             ended = await _do(job, context)
         except HilError as error:

@@ -4,8 +4,8 @@ The law (kst-wire 4.7): an axis goes for 0.07 (1 - exp(-(error / 0.0525)^2)) rad
 server sends that as it is, and how a real controller softens a sudden destination is not public. Ours goes for it with
 all that an unloaded arm can do, which in a stretched pose is more torque than an axis has: a set-point that jumped by
 more than some 0.05 rad stopped the arm (checkAxisTorqueLimit). So the way ahead grows no faster than an arm can speed
-up, and is no longer than lets it brake. A smooth set-point meets neither up to 0.6 rad/s, and lags by what the law says;
-at 1 rad/s the lag is 107 mrad instead of 61 (measured on the iiwa 14).
+up, and is no longer than lets it brake. A smooth set-point meets neither up to 0.6 rad/s, and lags by what the law
+says; at 1 rad/s the lag is 107 mrad instead of 61 (measured on the iiwa 14).
 """
 
 import math

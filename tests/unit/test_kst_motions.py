@@ -317,6 +317,23 @@ def test_in_t1_a_line_is_never_faster_than_the_monitor_allows(hil_controller: Vi
     hil_controller.run_async(program())
 
 
+@pytest.mark.hil(mode="T1")
+def test_in_t1_a_motion_waits_for_the_enabling_switch_and_says_so(hil_controller: VirtualController) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            for line in ("jRelVel_1.0_", START, "doPTPinJS"):
+                assert await robot.ask(line) == ["done"]
+            await robot.pass_s(1.0)
+            assert robot.session.busy
+            assert any("waits for the operator: T1: the enabling switch is not held" in line for line in robot.told)
+            hil_controller.operator.enable()
+            hil_controller.operator.start()
+            await robot.pass_s(8.0)
+            assert await robot.ask("") == ["done"]
+
+    hil_controller.run_async(program())
+
+
 def test_an_emergency_stop_is_a_nak(hil_controller: VirtualController) -> None:
     async def program() -> None:
         async with visit() as robot:
