@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -12,6 +12,9 @@ from rich.table import Table
 from hil.config.station import RobotConfig, Station, load_station
 from hil.config.template import TEMPLATE
 from hil.values.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from hil.runtime.assembly import LinkAddresses
 
 app = typer.Typer(help="Write, check and describe station files.", no_args_is_help=True)
 
@@ -34,7 +37,7 @@ def check(file: Annotated[Path, typer.Argument(help="Station file to check.")]) 
     """Check a station file, addresses and names included, and show what it means."""
     station = load_station(file)
     from backends.registry import check_backend
-    from hil.runtime.assembly import link_addresses, make_servo_codec, robot_description
+    from hil.runtime.assembly import link_addresses, robot_description
 
     if station.tcp_probe is not None:
         from transport.tcp.sockets import parse_tcp_address
@@ -66,14 +69,7 @@ def check(file: Annotated[Path, typer.Argument(help="Station file to check.")]) 
                 rows["transformations"] = ", ".join(robot.fri.transformations)
         if signals := robot.signals():
             rows["inputs, outputs"] = f"{len(signals)}, {sum(signal.fri for signal in signals)} of them over FRI"
-        if robot.servo is not None and addresses.servo is not None:
-            make_servo_codec(robot.servo)
-            reaction = robot.reaction.settings()
-            rows |= {
-                "applications": f"{addresses.servo}, {'with a key' if robot.servo.key_file else 'no key'}",
-                "reaction time": f"SmartServo {reaction.smart_servo_ms:g} ms, "
-                f"DirectServo {reaction.direct_servo_ms:g} ms",
-            }
+        rows |= _applications(robot, addresses)
         columns.append(rows)
     for label in dict.fromkeys(label for rows in columns for label in rows):
         table.add_row(label, *(rows.get(label, "-") for rows in columns))
@@ -82,6 +78,22 @@ def check(file: Annotated[Path, typer.Argument(help="Station file to check.")]) 
     if station.object:
         console.print(_objects(station))
     typer.echo(f"{file} is good")
+
+
+def _applications(robot: RobotConfig, addresses: "LinkAddresses") -> dict[str, str]:
+    from hil.runtime.assembly import make_servo_codec
+
+    rows = {}
+    if robot.servo is not None and addresses.servo is not None:
+        make_servo_codec(robot.servo)
+        reaction = robot.reaction.settings()
+        rows = {
+            "applications": f"{addresses.servo}, {'with a key' if robot.servo.key_file else 'no key'}",
+            "reaction time": f"SmartServo {reaction.smart_servo_ms:g} ms, DirectServo {reaction.direct_servo_ms:g} ms",
+        }
+    if robot.kst is not None:
+        rows["KST programs"] = f"{addresses.kst}{', strictly as published' if robot.kst.strict else ''}"
+    return rows
 
 
 def _options(robot: RobotConfig) -> str:

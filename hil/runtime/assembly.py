@@ -15,6 +15,7 @@ from hil.values.backend import BackendRequest
 from hil.values.errors import ConfigurationError
 from hil.values.fri import CLIENT_PORT
 from hil.values.fri_messages import ControllerCodec
+from hil.values.kst import KST_PORT
 from hil.values.link import Address
 from hil.values.robot import RobotDescription, Seven
 from hil.values.servo import SERVO_PORT, ServoControllerCodec
@@ -41,12 +42,14 @@ class LinkAddresses:
 
     fri: FriAddresses | None
     servo: Address | None
+    kst: Address | None = None
 
 
 def link_addresses(config: RobotConfig) -> LinkAddresses:
     """Return the resolved addresses of a robot's links; raise :class:`ConfigurationError`."""
     servo = None if config.servo is None else parse_address(config.servo.bind, default_port=SERVO_PORT)
-    return LinkAddresses(_fri_addresses(config), servo)
+    kst = None if config.kst is None else parse_address(config.kst.bind, default_port=KST_PORT)
+    return LinkAddresses(_fri_addresses(config), servo, kst)
 
 
 def _fri_addresses(config: RobotConfig) -> FriAddresses | None:

@@ -22,9 +22,7 @@ from hil.runtime.realtime import Wish, ask_for_realtime
 from hil.runtime.robot_process import RobotProcess
 from hil.runtime.view_process import ViewPlace, ViewProcess
 from hil.values.errors import ConfigurationError
-from hil.values.kst import KST_PORT
 from hil.version import SOFTWARE
-from transport.udp import parse_address
 
 if TYPE_CHECKING:
     from hil.runtime.captures import Captures
@@ -166,12 +164,11 @@ class _Run:
         """Bind the KST servers, so that an address in use is told before anything moves."""
         for robot in self._robots:
             config = robot.config
-            if config.kst is not None:
+            if config.kst is not None and robot.addresses.kst is not None:
                 from hil.runtime.kst import KstProcess
 
-                bind = parse_address(config.kst.bind, default_port=KST_PORT)
                 settings = config.kst.settings(robot_description(config))
-                robot.kst = KstProcess(bind, settings, say=partial(self._say_of, config.name))
+                robot.kst = KstProcess(robot.addresses.kst, settings, say=partial(self._say_of, config.name))
 
     def _start_kst(self) -> None:
         for robot in self._robots:

@@ -12,7 +12,7 @@ from backends.robots import load_description, robot_names
 from hil.cli.run import ServoOptions, chosen_controls, station_of
 from hil.config.control import ControlName
 from hil.config.limits import LimitsConfig
-from hil.config.station import Station, load_station, parse_station
+from hil.config.station import RobotConfig, Station, load_station, parse_station
 from hil.config.template import TEMPLATE
 from hil.runtime.assembly import open_parts, robot_description
 from hil.values.control import (
@@ -271,6 +271,52 @@ def test_either_link_can_be_left_out() -> None:
             servo=ServoOptions(),
             process={},
         )
+
+
+def kst(file: Path | None = None, **options: object) -> Station:
+    return station_of(file, robot={}, fri={}, servo=ServoOptions(), process={}, kst=options)
+
+
+def test_a_kst_server_is_laid_over_a_station(tmp_path: Path) -> None:
+    assert kst().robot[0].kst is None
+    given = kst(bind="127.0.0.1", strict=True).robot[0].kst
+    assert given is not None
+    assert (given.bind, given.strict, given.nagle) == ("127.0.0.1", True, False)
+    settings = given.settings(robot_description(RobotConfig()))
+    assert (settings.strict, settings.nagle, settings.motion_gap_ns) == (True, True, 0)
+    assert settings.position_max_rad[1] == pytest.approx(math.radians(120.0))
+    assert settings.velocity_max_rad_s[0] == pytest.approx(math.radians(85.0))
+    file = tmp_path / "station.toml"
+    file.write_text('[[robot]]\nservo = {}\nkst = { watchdog_ms = 50 }\n[[robot]]\nname = "two"\n')
+    nagle = kst(file, nagle=True)
+    assert nagle.robot[0].kst is not None
+    assert (nagle.robot[0].kst.watchdog_ms, nagle.robot[0].kst.nagle, nagle.robot[1].kst) == (50, True, None)
+    assert [robot.kst for robot in kst(file, bind="off").robot] == [None, None]
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"bind": "off", "strict": True}, "--kst off leaves nothing for the other KST options to say"),
+        ({"nagle": True}, "there is no KST server for the KST options; add --kst"),
+        ({"bind": "127.0.0.1", "watchdog_ms": -1}, "watchdog_ms"),
+    ],
+)
+def test_kst_options_that_cannot_be(options: dict[str, object], sentence: str) -> None:
+    with pytest.raises(ConfigurationError, match=sentence):
+        kst(None, **options)
+
+
+def test_a_kst_server_is_one_robot_s_and_needs_the_servo_link(tmp_path: Path) -> None:
+    file = tmp_path / "station.toml"
+    file.write_text('[[robot]]\nservo = {}\n[[robot]]\nname = "two"\nservo = { bind = "127.0.0.1:30301" }\n')
+    with pytest.raises(ConfigurationError, match="2 robots, and --kst can be that of one only"):
+        kst(file, bind="127.0.0.1")
+    with pytest.raises(ConfigurationError, match="commands the arm through the servo link, and needs one"):
+        station_of(None, robot={}, fri={}, servo=ServoOptions("off"), process={}, kst={"bind": "127.0.0.1"})
+    both = {"robot": [{"servo": {}, "kst": {}}, {"name": "two", "servo": {"bind": "127.0.0.1:30301"}, "kst": {}}]}
+    with pytest.raises(ConfigurationError, match=r"two robots have the KST address '127\.0\.0\.1:30001'"):
+        parse_station(both, where="test")
 
 
 def control_of(station: Station) -> ControlModeSettings:
