@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: setup demo test soak lint types layers format bench protobuf robots goldens dissector constraints clean
+.PHONY: setup demo test soak fuzz lint types layers format bench protobuf robots goldens dissector constraints clean
 
 setup: $(VENV)/.installed
 
@@ -34,6 +34,12 @@ soak: setup
 	$(BIN)/hil bench replay --seconds $(SOAK_RECORDING_S) --repeats 1
 	HIL_SOAK_STORIES=$(SOAK_STORIES) $(BIN)/python -m pytest --numprocesses 2 --timeout 0 \
 		tests/unit/test_safety_proof.py tests/unit/test_control_proof.py
+
+# Two hours: make fuzz SECONDS=7200. What it finds is in out/fuzz/findings, and becomes a test.
+SECONDS ?= 120
+fuzz: setup
+	$(BIN)/python -m pip install --quiet --editable '.[fuzz]'
+	$(BIN)/python -m tests.fuzz --seconds $(SECONDS)
 
 lint: setup types layers
 	$(BIN)/ruff check .

@@ -1,0 +1,1 @@
+"""Fuzz targets for everything that outsiders' bytes reach: ``make fuzz SECONDS=n``."""
