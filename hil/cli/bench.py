@@ -352,6 +352,76 @@ def chain(  # noqa: PLR0917  # typer makes the options of the parameters
 
 
 @app.command()
+def start(
+    robot: Robot = "lbr-iiwa-14-r820",
+    backend: Backend = "mujoco",
+    fri_version: FriVersion = Release.V1_15,
+    repeats: Annotated[int, typer.Option(min=1, help="Times it is started.")] = 10,
+    as_json: AsJson = False,
+) -> None:
+    """From the start of hil run to its first FRI datagram."""
+    from dataclasses import asdict
+
+    from tools.bench.machine import machine
+    from tools.bench.start import bench_start
+
+    with _progress("starts", repeats) as (bar, task):
+        report = bench_start(
+            robot=robot,
+            backend=backend,
+            release=fri_version,
+            repeats=repeats,
+            progress=lambda done: bar.update(task, completed=done),
+        )
+    bounds = report.bounds()
+    if as_json:
+        found = {"machine": machine(), **asdict(report), "bounds": [bound._asdict() for bound in bounds]}
+        typer.echo(json.dumps(found, indent=2))
+        return
+    console = Console()
+    _print_machine(console, machine())
+    taken = report.first_packet_s
+    console.print(
+        f"start to first packet: median {report.median_s:.3f} s, {min(taken):.3f} to {max(taken):.3f} s in "
+        f"{len(taken)} starts; an interpreter that does nothing takes {report.interpreter_s:.3f} s"
+    )
+    _print_bounds(console, bounds)
+
+
+@app.command()
+def memory(
+    robot: Robot = "lbr-iiwa-14-r820",
+    backend: Backend = "mujoco",
+    minutes: Annotated[float, typer.Option(min=0.1, help="Of virtual time.")] = 10.0,
+    as_json: AsJson = False,
+) -> None:
+    """What a controller keeps resident while a client commands, and whether that grows."""
+    from dataclasses import asdict
+
+    from tools.bench.machine import machine
+    from tools.bench.memory import bench_memory
+
+    config = RobotConfig(model=robot, backend=backend, fri=FriConfig())
+    with _progress("virtual minutes", minutes) as (bar, task):
+        report = bench_memory(config, minutes=minutes, progress=lambda done: bar.update(task, completed=done))
+    bounds = report.bounds()
+    if as_json:
+        found = {"machine": machine(), **asdict(report), "bounds": [bound._asdict() for bound in bounds]}
+        typer.echo(json.dumps(found, indent=2))
+        return
+    console = Console()
+    _print_machine(console, machine())
+    table = Table("virtual time, min", "resident, MB", "Python's blocks", title="memory")
+    every = max(1, len(report.resident_mb) // 10)
+    for place in range(0, len(report.resident_mb), every):
+        at_min = place * report.virtual_s / 60.0 / (len(report.resident_mb) - 1)
+        table.add_row(f"{at_min:.1f}", f"{report.resident_mb[place]:.2f}", str(report.blocks[place]))
+    console.print(table)
+    console.print(f"Python's blocks: {report.blocks_a_minute:+.1f} a minute of virtual time")
+    _print_bounds(console, bounds)
+
+
+@app.command()
 def kst(
     robot: Robot = "lbr-iiwa-14-r820",
     backend: Backend = "mujoco",

@@ -17,7 +17,7 @@ from typing import Any
 from hil.values.errors import EndpointError
 from hil.values.fri import Release
 from tools.bench.bounds import Bound, at_most
-from tools.bench.rate import start_process, wait_for_end
+from tools.bench.processes import start_process, wait_for_end
 from transport.udp import free_port
 
 _HOST = "127.0.0.1"

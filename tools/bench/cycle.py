@@ -98,7 +98,7 @@ class _TimedCodec:
         return message
 
 
-class _Loop:
+class CycleLoop:
     """A controller that gets what was recorded for each cycle."""
 
     def __init__(
@@ -151,7 +151,7 @@ def _record(config: RobotConfig, client: RecordedClient, cycles: int) -> list[Da
     parts = open_parts(config.model_copy(update={"backend": "ideal"}) if ideal else config)
     recording: list[Datagrams] = [()]
     try:
-        loop = _Loop(config, parts)
+        loop = CycleLoop(config, parts)
         for _ in range(WARM_UP_CYCLES + cycles):
             loop.cycle(recording[-1])
             recording.append(client.answer(loop.outgoing))
@@ -187,7 +187,7 @@ def _measure_whole(
 ) -> list[int]:
     parts = open_parts(config)
     try:
-        loop = _Loop(config, parts)
+        loop = CycleLoop(config, parts)
         loop.warm_up(recording[:WARM_UP_CYCLES], client)
         samples: list[int] = []
         for done, datagrams in enumerate(recording[WARM_UP_CYCLES:-1]):
@@ -215,7 +215,7 @@ def _measure_stages(
         last_ns = elapsed_ns()
 
     try:
-        loop = _Loop(config, parts, codec=codec, on_stage=on_stage)
+        loop = CycleLoop(config, parts, codec=codec, on_stage=on_stage)
         loop.warm_up(recording[:WARM_UP_CYCLES], client)
         before: dict[str, list[int]] = {"decode": [], "admission": []}
         encode: list[int] = []

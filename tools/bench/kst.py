@@ -18,7 +18,7 @@ from typing import Any, Final
 from hil.clock import elapsed_ns
 from hil.values.errors import EndpointError
 from tools.bench.bounds import Bound, at_least, at_most
-from tools.bench.rate import start_process
+from tools.bench.processes import start_process
 from transport.child import module_command, module_environment
 from transport.udp import free_port
 

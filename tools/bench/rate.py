@@ -1,17 +1,12 @@
 """``hil bench rate``: the real process against a real client process over UDP; pacing, missed cycles, answers."""
 
 import json
-import socket
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hil.clock import elapsed_ns
-from hil.values.errors import EndpointError
 from hil.values.fri import Release
 from tools.bench.bounds import (
     LATENESS_P99_US,
@@ -23,6 +18,8 @@ from tools.bench.bounds import (
     at_most,
     near,
 )
+from tools.bench.processes import start_process, wait_for_end
+from tools.bench.start import start_to_first_packet
 from transport.udp import free_port
 
 _HOST = "127.0.0.1"
@@ -81,48 +78,3 @@ def bench_rate(
             client=json.loads(result.read_text()),
             start_to_first_packet_s=round(first_s, 3),
         )
-
-
-def start_to_first_packet(*, robot: str, backend: str, release: Release) -> float:
-    """Return the seconds from starting ``hil run`` to its first datagram."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
-        listener.bind((_HOST, 0))
-        listener.settimeout(20)
-        before_ns = elapsed_ns()
-        controller = start_process(
-            "hil.cli.main",
-            *("run", "--robot", robot, "--backend", backend, "--fri-version", release),
-            *("--fri-client", f"{_HOST}:{listener.getsockname()[1]}", "--servo", f"{_HOST}:0"),
-            *("--duration", 0.2, "--progress", 0),
-        )
-        try:
-            listener.recv(2048)
-        except TimeoutError:
-            raise EndpointError("hil run sent nothing within 20 s of its start") from None
-        finally:
-            controller.terminate()
-            controller.communicate()
-        return (elapsed_ns() - before_ns) / 1e9
-
-
-def start_process(module: str, *arguments: object) -> "subprocess.Popen[bytes]":
-    """Start a module of ours, silent."""
-    return subprocess.Popen(
-        [sys.executable, "-m", module, *map(str, arguments)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
-
-
-def wait_for_end(process: "subprocess.Popen[bytes]", at_most_s: float, progress: Callable[[float], None]) -> None:
-    """Wait for a process, and tell ``progress`` how long that took so far; raise :class:`EndpointError`."""
-    waited_s = 0.0
-    while waited_s < at_most_s:
-        try:
-            process.wait(0.5)
-        except subprocess.TimeoutExpired:
-            waited_s += 0.5
-            progress(waited_s)
-        else:
-            return
-    process.kill()
-    process.wait()
-    raise EndpointError(f"{process.args!r} did not end within {at_most_s:g} s")

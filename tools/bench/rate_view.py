@@ -22,7 +22,7 @@ from typing import Any, Final, NamedTuple
 from hil.clock import elapsed_ns
 from hil.values.fri import Release
 from tools.bench.page import controller_with_words, open_page, wait_for_page
-from tools.bench.rate import start_process, wait_for_end
+from tools.bench.processes import start_process, wait_for_end
 from tools.view.chromium import CHROMIUM
 from transport.udp import free_port
 
