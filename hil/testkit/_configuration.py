@@ -16,7 +16,7 @@ _WHERE: Final = "@pytest.mark.hil"
 _DEFAULTS: Final[Mapping[str, Any]] = {"backend": "ideal", "fri": {}, "servo": {}}
 """Without a station file: both links, and the arm that costs least."""
 _OURS: Final = frozenset({"station", "robot_name", "limit_s", "robot", "capture"})
-_SECTIONS: Final = frozenset({"fri", "servo", "limits", "reaction", "base", "load", "options"})
+_SECTIONS: Final = frozenset({"fri", "servo", "kst", "limits", "reaction", "base", "load", "options"})
 """Keys whose value is a section: what a closer mark says of it is laid over what a farther one says."""
 
 

@@ -46,6 +46,8 @@ class VirtualController:
     def __init__(self, config: RobotConfig, *, limit_s: float = 120.0, capture: Path | None = None) -> None:
         if not math.isfinite(limit_s) or limit_s <= 0.0:
             raise ConfigurationError(f"a limit of {limit_s} s of virtual time; more than 0 s is needed")
+        if config.kst is not None:
+            raise ConfigurationError("virtual time has no KST server, which is a process: use hil_process")
         self.config = config
         self._world = World(config, limit_s=limit_s, capture=capture)
         self._operator = _VirtualOperator(self._world)

@@ -47,6 +47,8 @@ class HilProcess:
             told["fri"] = {**told["fri"], "client": self._addresses["fri"], "bind": f"{host}:0"}
         if robot.servo is not None:
             told["servo"] = {**told["servo"], "bind": f"{host}:0"}
+        if robot.kst is not None:
+            told["kst"] = {**told["kst"], "bind": f"{host}:0"}
         self.pad_socket = folder / "pad.sock"
         content["pad"] = str(self.pad_socket)
         file = folder / "station.toml"
@@ -61,6 +63,9 @@ class HilProcess:
             raise
         if found := re.search(r"applications at (\S+),", "".join(lines)):
             self._addresses["servo"] = found[1]
+        if robot.kst is not None:
+            [served] = self._pad.kst().values()
+            self._addresses["kst"] = "" if served is None else str(served["address"])
         self.operator: Operator = _PadOperator(self._pad)
         """The operator's pad."""
 
@@ -83,6 +88,11 @@ class HilProcess:
     def servo_address(self) -> str:
         """``HOST:PORT`` where servo applications connect to."""
         return self._address("servo")
+
+    @property
+    def kst_address(self) -> str:
+        """``HOST:PORT`` where KST programs connect to; with ``kst={}`` in the mark."""
+        return self._address("kst")
 
     @property
     def output(self) -> str:
@@ -149,7 +159,7 @@ class HilProcess:
 
     def _address(self, link: str) -> str:
         if link not in self._addresses:
-            name = "FRI" if link == "fri" else link
+            name = link if link == "servo" else link.upper()
             raise UsageError(f"this controller has no {name} link; it was configured with {link}=None")
         return self._addresses[link]
 

@@ -5,14 +5,14 @@ from pathlib import Path
 import pytest
 
 import hil.testkit.controller
-import hil.testkit.process  # noqa: F401  # pytester forgets what it imported, and numpy cannot be imported twice
+import hil.testkit.process  # pytester forgets what it imported, and numpy cannot be imported twice
 from hil.client.fri import FriClient, FriHandler, Release
 from hil.client.pad import PadRefused
 from hil.client.servo import PTP, ServoClient
 from hil.testkit import ProcessFailed
 from hil.testkit._configuration import configuration
 from hil.testkit.process import controller_process, toml
-from hil.values.errors import UsageError
+from hil.values.errors import ConfigurationError, UsageError
 from tests.support.virtual_controller import PLUGIN
 
 pytest_plugins = ["pytester"]
@@ -64,12 +64,19 @@ def test_a_process_that_cannot_start_says_why(monkeypatch: pytest.MonkeyPatch) -
         pass
 
 
+def test_virtual_time_has_no_kst_server_and_says_so() -> None:
+    with pytest.raises(ConfigurationError, match="virtual time has no KST server, which is a process: use hil_process"):
+        hil.testkit.controller.VirtualController(configuration([((), {"kst": {}})], folders=[]).robot)
+
+
 def test_links_that_were_left_out_are_no_addresses() -> None:
     with controller_process(configuration([((), {"fri": None, "servo": None})], folders=[]).station) as process:
         with pytest.raises(UsageError, match="fri=None"):
             assert process.fri_client_address
         with pytest.raises(UsageError, match="servo=None"):
             assert process.servo_address
+        with pytest.raises(UsageError, match="kst=None"):
+            assert process.kst_address
 
 
 def test_a_station_is_the_same_as_toml(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ FILES = {found[1]: block for block in BLOCKS if (found := re.match(r"# (tests/\S
 
 
 def test_every_example_is_a_file_that_is_run_or_says_why_not() -> None:
-    assert len(FILES) == 9
+    assert len(FILES) == 10
     assert [block.splitlines()[0] for block in BLOCKS if block not in FILES.values()] == [
         "# not run here: it needs your program"
     ]
