@@ -352,6 +352,53 @@ def chain(  # noqa: PLR0917  # typer makes the options of the parameters
 
 
 @app.command()
+def arms(
+    robot: Robot = "lbr-iiwa-14-r820",
+    backend: Backend = "mujoco",
+    seconds: Annotated[float, typer.Option(min=2.0, help="Length of each run.")] = 20.0,
+    as_json: AsJson = False,
+) -> None:
+    """How many arms keep 1 kHz: 1, 2, 4 and 8 of them in one process, and 8 in two."""
+    from dataclasses import asdict
+
+    from tools.bench.arms import bench_arms, bounds_of
+    from tools.bench.machine import machine
+
+    setups = ((1, 1), (2, 1), (4, 1), (8, 1), (8, 2))
+    with _progress("seconds", len(setups) * seconds) as (bar, task):
+        reports = bench_arms(
+            setups,
+            robot=robot,
+            backend=backend,
+            seconds=seconds,
+            progress=lambda done: bar.update(task, completed=done),
+        )
+    bounds = bounds_of(reports)
+    if as_json:
+        runs = [asdict(report) for report in reports]
+        found = {"machine": machine(), "runs": runs, "bounds": [bound._asdict() for bound in bounds]}
+        typer.echo(json.dumps(found, indent=2))
+        return
+    console = Console()
+    _print_machine(console, machine())
+    table = Table(
+        "arms", "processes", "Hz", "lateness p99, us", "missed, %", "cycle p50, us", "", title="the worst arm"
+    )
+    for report in reports:
+        table.add_row(
+            str(report.arms),
+            str(report.processes),
+            f"{report.rate_hz:.3f}",
+            f"{report.lateness_p99_us:.0f}",
+            f"{report.missed_percent:.3f}",
+            f"{report.cycle_p50_us:.0f}",
+            "keeps pace" if report.keeps_pace else "[red]does not[/red]",
+        )
+    console.print(table)
+    _print_bounds(console, bounds)
+
+
+@app.command()
 def start(
     robot: Robot = "lbr-iiwa-14-r820",
     backend: Backend = "mujoco",

@@ -3,6 +3,7 @@
 import json
 
 from tests.support.processes import finish, hil
+from tools.bench.arms import ArmsReport, bench_arms, bounds_of
 from tools.bench.memory import SAMPLES, MemoryReport
 from tools.bench.start import StartReport
 
@@ -35,6 +36,18 @@ def test_bench_memory_measures_what_stays_resident() -> None:
     found = json.loads(ended.out)
     assert len(found["resident_mb"]) == len(found["blocks"]) == SAMPLES + 1
     assert min(found["resident_mb"]) > 20.0
+
+
+def test_bench_arms_measures_the_worst_arm_of_all_processes() -> None:
+    told: list[float] = []
+    [report] = bench_arms(((3, 2),), robot="lbr-iiwa-7-r800", backend="ideal", seconds=1.0, progress=told.append)
+    assert (report.arms, report.processes) == (3, 2)
+    assert report.rate_hz > 500.0
+    assert report.cycle_p50_us > 5.0
+    assert told
+    four = ArmsReport(4, 1, rate_hz=999.98, lateness_p99_us=150.0, missed_percent=0.2, cycle_p50_us=50.0)
+    assert not four.keeps_pace
+    assert [bound.kept for bound in bounds_of([report, four])] == [True, False, True]
 
 
 def test_growth_is_what_lies_between_quarters() -> None:
