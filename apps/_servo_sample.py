@@ -20,6 +20,7 @@ from hil.client.servo import (
     SmartServo,
     SmartServoRuntime,
     StatisticTimer,
+    UsageError,
     load_key,
 )
 
@@ -247,6 +248,11 @@ def run_app(name: str, action: Callable[[], None]) -> None:
         for note in getattr(error, "__notes__", ()):
             typer.echo(f"  {note}", err=True)
         raise typer.Exit(2) from None
+    except OSError as error:
+        if error.filename is None:
+            raise
+        typer.echo(f"{name}: cannot write {error.filename}: {error.strerror}", err=True)
+        raise typer.Exit(2) from None
 
 
 def _plot(recording: Recording, course: Course, title: str, picture: Path) -> None:
@@ -282,14 +288,18 @@ def _plot(recording: Recording, course: Course, title: str, picture: Path) -> No
 
 
 def save_figure(figure: Any, panels: Sequence[Any], picture: Path) -> None:
-    """Give the panels of a matplotlib figure their grid, write it, and close it."""
+    """Give the panels of a matplotlib figure their grid, write it, and close it; raise where its kind is unknown."""
     from matplotlib import pyplot as plt
 
     for panel in panels:
         panel.grid(alpha=0.3)
         panel.margins(x=0.005)
-    figure.savefig(picture, dpi=110)
-    plt.close(figure)
+    try:
+        figure.savefig(picture, dpi=110)
+    except ValueError as error:
+        raise UsageError(f"cannot write {picture}: {error}") from None
+    finally:
+        plt.close(figure)
 
 
 def _difference(first: list[float], second: list[float]) -> list[float]:

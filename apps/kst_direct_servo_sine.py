@@ -5,13 +5,16 @@ import json
 import math
 from functools import partial
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 import typer
 
 from apps._kst_sample import DEFAULT_CONTROLLER, START_RAD, Controller
 from apps._servo_sample import run_app, save_figure
 from hil.client.kst import Feedback, KstClient
+
+MOVES_RAD: Final = 0.02
+STANDS_RAD: Final = 1e-3
 
 
 class Sample(NamedTuple):
@@ -66,6 +69,10 @@ def _run(  # noqa: PLR0917
         f"{figures['median_ms']:.3f} ms, p99 {figures['p99_ms']:.3f} ms, most {figures['max_ms']:.3f} ms"
     )
     typer.echo(f"A{axis + 1} was {figures['lag_rad'] * 1e3:.1f} mrad off its set-point at most")
+    if _stood(samples[-len(samples) // 4 :]):
+        typer.echo(
+            "the arm stood still at the end: its mode ended, which KST does not tell; the log of hil run says why"
+        )
     if plot is not None:
         _plot(samples, axis, plot)
         typer.echo(f"wrote {plot}")
@@ -84,6 +91,11 @@ def _figures(samples: list[Sample]) -> dict[str, float]:
         "max_ms": taken[-1],
         "lag_rad": max(abs(sample.set_rad - sample.measured_rad) for sample in samples),
     }
+
+
+def _stood(samples: list[Sample]) -> bool:
+    set_rad, measured_rad = [sample.set_rad for sample in samples], [sample.measured_rad for sample in samples]
+    return max(set_rad) - min(set_rad) > MOVES_RAD and max(measured_rad) - min(measured_rad) < STANDS_RAD
 
 
 def _plot(samples: list[Sample], axis: int, picture: Path) -> None:

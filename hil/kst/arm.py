@@ -26,6 +26,7 @@ from hil.kst.registers import Registers
 from hil.kst.robot import Robot
 from hil.kst.session import Arm
 from hil.values.kst import KstSettings
+from hil.values.operator import ProgramState
 from hil.values.pose import Pose
 
 SETTLED_RAD: Final = 2e-4
@@ -85,8 +86,8 @@ class ServoArm(Arm):
     async def _run(self, job: Job, stop: asyncio.Event) -> None:
         try:
             client = await self._robot.commander()
-            if waits_for := client.operator.reason:
-                self._tell(f"the motion waits for the operator: {waits_for}")
+            if client.operator.program is ProgramState.PAUSED:
+                self._tell(f"the motion waits for the operator: {client.operator.reason}")
             context = Context(client, self.registers, self._settings, self._tell, self._now_ns, stop)
             ended = await _do(job, context)
         except HilError as error:

@@ -72,6 +72,7 @@ class KstServer:
         """Who came while the one before was let go."""
         self._counters: Counter[str] = Counter()
         self._refused: Counter[Problem] = Counter()
+        self._outputs: dict[str, bool] = {}
         self._second_clients = 0
         self._tcp: dict[str, object] | None = None
 
@@ -102,11 +103,11 @@ class KstServer:
     def report(self) -> dict[str, object]:
         """Return what it did, for JSON."""
         visit = self._visit
-        counters, refused, outputs = self._counters.copy(), self._refused.copy(), {}
+        counters, refused, outputs = self._counters.copy(), self._refused.copy(), self._outputs
         if visit is not None:
             counters += visit.session.counters
             refused += visit.session.log.refused
-            outputs = dict(visit.session.outputs)
+            outputs = outputs | visit.session.outputs
         return {
             "strict": self.settings.strict,
             "nagle": self.settings.nagle,
@@ -216,6 +217,7 @@ class KstServer:
             self._tcp = visit.connection.watch.report()
             self._counters += visit.session.counters
             self._refused += visit.session.log.refused
+            self._outputs |= visit.session.outputs
 
     def _new_visit(self, sock: socket.socket, peer: Address, robot: Robot) -> _Visit:
         settings, clock = self.settings, self._clock
