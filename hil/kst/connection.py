@@ -12,7 +12,10 @@ from hil.kst.session import KstSession
 from hil.kst.stalls import StallWatch
 from transport.tcp.sockets import kernel_facts, set_no_delay
 
-READ_MOST_BYTES: Final = 1 << 16
+READ_MOST_BYTES: Final = 1 << 12
+"""At once; a client that floods must not keep the session at the controller waiting for its turn."""
+BUSY_NS: Final = 2_000_000
+"""What came at once and took longer is a flood: nothing more is read for as long as it took."""
 UNREAD_MOST_BYTES: Final = 1 << 16
 """Replies a client has not read; with more of them the connection ends."""
 LOOK_AGAIN_S: Final = 0.005
@@ -46,6 +49,7 @@ class Connection:
         self._unsent = bytearray()
         self._timer: asyncio.TimerHandle | None = None
         self._sampling: asyncio.TimerHandle | None = None
+        self._resting: asyncio.TimerHandle | None = None
         self._loop.add_reader(sock, self._readable)
 
     def work(self) -> None:
@@ -78,7 +82,7 @@ class Connection:
         if self.over.is_set():
             return
         self.why = why
-        for timer in (self._timer, self._sampling):
+        for timer in (self._timer, self._sampling, self._resting):
             if timer is not None:
                 timer.cancel()
         self._loop.remove_reader(self._socket)
@@ -115,6 +119,17 @@ class Connection:
         )
         self.work()
         self._sample_when_due()
+        self._rest_after(self._now_ns() - now_ns)
+
+    def _rest_after(self, spent_ns: int) -> None:
+        """Leave what a flood brings in the kernel for a while: states of the controller are read one in each pass."""
+        if spent_ns > BUSY_NS and not self.over.is_set():
+            self._loop.remove_reader(self._socket)
+            self._resting = self._loop.call_later(spent_ns * 1e-9, self._read_again)
+
+    def _read_again(self) -> None:
+        self._resting = None
+        self._loop.add_reader(self._socket, self._readable)
 
     def _sample_when_due(self) -> None:
         """A timer that runs is left alone: what came meanwhile has put off what it is for, and it looks again."""
