@@ -149,18 +149,22 @@ def _longest_step_mm(path: Path, tcp_in_flange: Pose) -> float:
 
 
 class Profile:
-    """How far along its path a TCP is, as a function of time."""
+    """How far along its path a TCP is, as a function of time; raise ConfigurationError where it would take for ever."""
 
     def __init__(self, limits: Limits) -> None:
         # Imported where a path is run: joints and set-points do not wait for it.
-        from ruckig import InputParameter, Ruckig, Trajectory
+        from ruckig import InputParameter, Ruckig, RuckigError, Trajectory
 
         wanted = InputParameter(1)
         wanted.current_position, wanted.target_position = [0.0], [1.0]
         wanted.max_velocity, wanted.max_acceleration = [limits.velocity], [limits.acceleration]
         wanted.max_jerk = [limits.jerk]
         self._trajectory = Trajectory(1)
-        Ruckig(1).calculate(wanted, self._trajectory)
+        try:
+            Ruckig(1).calculate(wanted, self._trajectory)
+        except RuckigError as error:
+            sentence = f"the path takes {1.0 / max(limits.velocity, 1e-300):.1g} s at its speed; a faster one is needed"
+            raise ConfigurationError(sentence) from error
         self.duration_s: float = self._trajectory.duration
 
     def at(self, time_s: float) -> float:
