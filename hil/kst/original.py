@@ -14,9 +14,10 @@ from hil.kst.jobs import Ended, ImpedanceServo, Mode, Motion, Outcome
 from hil.kst.phases import PHASES, Event, Phase
 from hil.kst.registers import STILL
 from hil.kst.session import KstSession
+from hil.values.errors import ConfigurationError
 from hil.values.pose import NOWHERE
 from hil.values.servo import Snapshot, Vector
-from transport.kst import NAK, Command, Problem, Refused, Request, Served, Spec
+from transport.kst import NAK, Command, Problem, Refused, Request, Served, Spec, shown
 
 STALL_NS: Final = 5_400_000_000
 """What a value too many costs; measured on a published server, with the faster of two compilers."""
@@ -74,7 +75,7 @@ class OriginalSession(KstSession):
         if not spec.published:
             self.log.refuse(Problem.UNKNOWN, f"a published server does not know {spec.token!r}, and is silent")
         elif spec.served is Served.IDLE and not self._last:
-            self.log.refuse(Problem.BUSY, f"{request.text!r} was overwritten by the line that came with it: lost")
+            self.log.refuse(Problem.BUSY, f"{shown(request.text)} was overwritten by the line that came with it: lost")
         elif spec.served is Served.IDLE and self.busy:
             self._while_busy(request, now_ns)
         else:
@@ -86,7 +87,9 @@ class OriginalSession(KstSession):
         if self._defers and self.phase is Phase.MOTION:
             self._deferred = request
         else:
-            self.log.refuse(Problem.BUSY, f"{request.text!r} while the arm is at something else ({self.phase}): lost")
+            self.log.refuse(
+                Problem.BUSY, f"{shown(request.text)} while the arm is at something else ({self.phase}): lost"
+            )
 
     def _free(self, now_ns: int) -> None:
         super()._free(now_ns)
@@ -111,7 +114,11 @@ class OriginalSession(KstSession):
             request = request._replace(spec=spec)
         elif request.spec.command is Command.MOVE_LINE_UNTIL:
             request = request._replace(text=request.spec.token)
-        return super()._motion_of(request)
+        try:
+            return super()._motion_of(request)
+        except ConfigurationError as error:
+            # A register that took Infinity; a controller rejects such a motion.
+            return str(error)
 
     def _preset(self, mode: Mode, state: Snapshot, now_ns: int) -> None:
         kept = self.registers.joints_rad or STILL
@@ -123,7 +130,7 @@ class OriginalSession(KstSession):
     def _refuse(self, refused: Refused, now_ns: int) -> None:
         self.log.refuse(refused.problem, refused.sentence)
         spec = refused.spec
-        if spec is None:
+        if spec is None or refused.problem is Problem.NOT_TEXT:
             return
         if spec.command in _REGISTERS:
             self._store_wrong(refused, spec, now_ns)

@@ -12,6 +12,7 @@ from hil.clock import Clock
 from hil.kst.arm import ServoArm
 from hil.kst.connection import Connection, prepare
 from hil.kst.jobs import Ended
+from hil.kst.log import how_many, is_told
 from hil.kst.original import OriginalSession
 from hil.kst.robot import Robot
 from hil.kst.session import KstSession
@@ -162,7 +163,9 @@ class KstServer:
     def _turn_away(self, caller: _Caller) -> None:
         self._second_clients += 1
         served = "another" if self._visit is None else str(self._visit.peer)
-        self._tell(f"{caller.peer} was turned away: {served} is served, and KST serves one client at a time")
+        if is_told(self._second_clients):
+            sentence = f"{caller.peer} was turned away: {served} is served, and KST serves one client at a time"
+            self._tell(sentence + how_many(self._second_clients))
         with contextlib.suppress(OSError):
             caller.sock.send(NAK)
         _close(caller.sock)
@@ -175,6 +178,8 @@ class KstServer:
             await self._visited(sock, peer, robot)
         except HilError as error:
             self._tell(f"{peer} cannot be served: {error}")
+        except OSError as error:
+            self._tell(f"{peer} cannot be served: {error.strerror or error}")
         except Exception as error:  # noqa: BLE001  # the next client is served all the same
             self._tell(f"the session of {peer} failed, which is a fault of the server: {error!r}")
         finally:

@@ -32,6 +32,7 @@ from transport.kst import (
     Served,
     pin_reply,
     read_request,
+    shown,
     values_reply,
 )
 
@@ -192,11 +193,15 @@ class KstSession:
         if self.phase is Phase.STOPPING and len(self._waiting) < WAITING_MOST:
             self._waiting.append(request)
             return
-        sentence = f"{request.text!r} while the arm is at something else ({self.phase}); wait for its end"
+        sentence = f"{shown(request.text)} while the arm is at something else ({self.phase}); wait for its end"
         self._refuse(Refused(Problem.BUSY, sentence, request.text, request.spec, request.values), now_ns)
 
     def _refuse(self, refused: Refused, now_ns: int) -> None:  # noqa: ARG002  # for the original
         self.log.refuse(refused.problem, refused.sentence)
+        if refused.problem is Problem.TOO_LONG:
+            # It may have been any of them.
+            for command in _TARGETS:
+                self._forget_target(command)
         if refused.spec is not None:
             self._forget_target(refused.spec.command)
             if refused.spec.reply is Feedback.NOTHING:
@@ -205,11 +210,10 @@ class KstSession:
 
     def _forget_target(self, command: Command) -> None:
         """A target that was refused is none: no motion may go to the one before instead."""
-        if self.busy:
-            return
         registers = self.registers
         if command is Command.SET_JOINTS:
-            registers.joints_rad = None
+            if self.phase not in _GO_ON_WITH_THE_ONE_BEFORE:
+                registers.joints_rad = None
         elif command is Command.SET_POSE:
             registers.pose_values = None
         elif command is Command.SET_CIRCLE_AUXILIARY:
@@ -283,7 +287,7 @@ class KstSession:
         # A stop holds for what was asked for before it, also for what has not begun.
         waiting, self._waiting = self._waiting, deque()
         for request in waiting:
-            sentence = f"{request.text!r} was stopped before it could begin"
+            sentence = f"{shown(request.text)} was stopped before it could begin"
             self._refuse(Refused(Problem.BUSY, sentence, request.text, request.spec, request.values), now_ns)
         self._now.append(DONE)
         if (self.phase, Event.STOP_ASKED) in PHASES:
@@ -341,7 +345,10 @@ class KstSession:
         self._now.append(DONE)
 
     def _hand_guiding(self, request: Request, _now_ns: int) -> None:
-        self.log.tell(f"{request.text!r}: nobody guides an emulated arm by hand; acknowledged at once, nothing is done")
+        sentence = (
+            f"{shown(request.text)}: nobody guides an emulated arm by hand; acknowledged at once, nothing is done"
+        )
+        self.log.note("hand guiding", sentence)
         self._now.append(DONE)
 
     def _start_motion(self, request: Request, now_ns: int) -> None:
@@ -352,7 +359,8 @@ class KstSession:
             self.log.refuse(Problem.NOT_POSSIBLE, motion)
             self.ended(Ended(Outcome.FAILED), now_ns=now_ns)
         elif isinstance(motion, JointMotion | LineMotion) and motion.conditional and not motion.conditions:
-            self.log.tell(f"{request.text!r} has no conditions: acknowledged twice, and nothing moves")
+            sentence = f"{shown(request.text)} has no conditions: acknowledged twice, and nothing moves"
+            self.log.note("no conditions", sentence)
             self.ended(Ended(Outcome.DONE), now_ns=now_ns)
         else:
             self._arm.begin(motion)
@@ -419,5 +427,14 @@ _HAVE_A_POSE: Final = frozenset(
         Command.SET_SERVO_POSE,
     }
 )
+_TARGETS: Final = (
+    Command.SET_JOINTS,
+    Command.SET_POSE,
+    Command.SET_CIRCLE_AUXILIARY,
+    Command.SET_CIRCLE_END,
+    Command.SET_SPEED,
+)
+_GO_ON_WITH_THE_ONE_BEFORE: Final = frozenset({Phase.SERVO, Phase.IMPEDANCE})
+"""Real-time modes outlive a wrong set-point; a motion that runs has its target already."""
 _NEED_THE_ARM: Final = frozenset(Command) - {Command.QUERY, Command.SET_SPEED, Command.HAND_GUIDING}
 """Of the commands that are served when the arm is free, those that truly need it; the others are served always."""

@@ -161,3 +161,12 @@ def test_a_conditional_circle_is_a_joint_motion_and_a_relative_line_an_absolute_
     for line in ("cArtixanPosition_1_2_3_0_0_0_", "doPTP!inCSRelBase_0_-1_1"):
         assert bench.say(line) == [DONE]
     assert isinstance(bench.arm.begun[-1], LineMotion)
+
+
+def test_a_pose_that_took_infinity_is_a_motion_that_is_rejected_and_the_session_lives() -> None:
+    bench = original()
+    assert bench.say("jRelVel_10") == [DONE]
+    assert bench.say("cArtixanPosition_0_0_0_Infinity_0_0") == [DONE]
+    assert b"".join(bench.say("doPTPinCS")) == DONE + NAK
+    assert bench.say("getPin3") == [b"1\n\n"]
+    assert bench.arm.begun == []

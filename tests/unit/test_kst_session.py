@@ -278,6 +278,45 @@ def test_hand_guiding_is_acknowledged_at_once_and_said_to_be_nothing() -> None:
     assert "nothing is done" in bench.told()
 
 
+@pytest.mark.parametrize("line", ["handGuiding_" + "x" * 900, "doPTP!inJS"])
+def test_what_a_client_may_cause_as_often_as_it_likes_is_told_seldom_and_in_short(line: str) -> None:
+    bench, sentences = Bench(), list[str]()
+    assert bench.say("jRelVel_0.1", TARGET) == [DONE, DONE]
+    for _ in range(250):
+        bench.say(line)
+        bench.wait(GAP_MS)
+        sentences += bench.told().splitlines()
+    assert len(sentences) == 7
+    assert max(map(len, sentences)) < 200
+
+
+@pytest.mark.parametrize("phase", ["moving", "stopping"])
+def test_a_target_that_is_refused_while_the_arm_comes_to_rest_leaves_none_either(phase: str) -> None:
+    bench = moving() if phase == "moving" else serving()
+    if phase == "stopping":
+        assert bench.say(TARGET, "stopDirectServoJoints") == [DONE, DONE]
+    wrong = ("jp_NaN_0_0_0_0_0_0", "cArtixanPosition_0_0_1e9_0_0_0", "cArtixanPositionCirc1_1", "jRelVel_0")
+    assert bench.say(*wrong) == [NAK] * 4
+    bench.end()
+    bench.wait(GAP_MS)
+    begun = len(bench.arm.begun)
+    for start in ("doPTPinJS", "doPTPinCSRelBase", "doPTPinCSCircle1"):
+        assert bench.say(start) == [DONE]
+        assert bench.wait(GAP_MS) == [NAK]
+    assert len(bench.arm.begun) == begun
+
+
+def test_a_line_that_cannot_be_read_leaves_no_target_and_a_stream_without_replies_in_step() -> None:
+    for wrong in ("jp_0_0_0_0_0_0_\t0", "jp_" + "0" * 2000):
+        bench = Bench()
+        assert bench.say("jRelVel_0.1", TARGET, wrong) == [DONE, DONE, NAK]
+        assert bench.say("doPTPinJS") == [DONE]
+        assert bench.wait(GAP_MS) == [NAK]
+        assert bench.arm.begun == []
+    assert bench.say("jf_0_0_0_0_0_0_\x00") == []
+    assert bench.session.log.refused[Problem.NOT_TEXT] == 1
+
+
 def test_forces_are_those_at_the_tool_along_its_axes() -> None:
     bench = Bench(state=STATES["straight"])
     _, force, moment = bench.say("TFtrans_0_0_1000_1.5707963267948966_0_0", "Eef_force", "Eef_moment")

@@ -17,6 +17,7 @@ from transport.kst.commands import (
     Served,
     Spec,
     read_request,
+    shown,
 )
 from transport.kst.lines import LINE_MOST_BYTES, LineCutter
 from transport.kst.numbers import java_double, java_text
@@ -42,5 +43,6 @@ __all__ = [
     "java_text",
     "pin_reply",
     "read_request",
+    "shown",
     "values_reply",
 ]

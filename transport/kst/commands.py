@@ -175,10 +175,10 @@ def read_request(line: bytes) -> Request | Refused | None:
         return None
     text = line.decode("ascii", "replace")
     if not line.isascii() or not text.isprintable():
-        return Refused(Problem.NOT_TEXT, f"{_shown(text)} is no line of printable ASCII", text)
+        return Refused(Problem.NOT_TEXT, f"{shown(text)} is no line of printable ASCII", text, _spec_of(text))
     spec = _spec_of(text)
     if spec is None:
-        return Refused(Problem.UNKNOWN, f"there is no command {_shown(text)}{_hint(text)}", text)
+        return Refused(Problem.UNKNOWN, f"there is no command {shown(text)}{_hint(text)}", text)
     fields = [field for field in text[len(spec.token) :].split("_") if field]
     if spec.command in _CONDITIONAL:
         return _read_triplets(spec, fields, text)
@@ -204,7 +204,7 @@ def _read_values(spec: Spec, fields: list[str], text: str) -> Request | Refused:
         return refused
     if len(values) != wanted:
         problem = Problem.TOO_FEW if len(values) < wanted else Problem.TOO_MANY
-        sentence = f"{spec.token.rstrip('_')} has {len(values)} values, {wanted} are needed: {_shown(text)}"
+        sentence = f"{spec.token.rstrip('_')} has {len(values)} values, {wanted} are needed: {shown(text)}"
         return Refused(problem, sentence, text, spec, values)
     return Request(spec, values, text)
 
@@ -217,7 +217,7 @@ def _read_triplets(spec: Spec, fields: list[str], text: str) -> Request | Refuse
         return refused
     if len(values) % 3 or len(values) > 3 * AXES:
         problem = Problem.TOO_FEW if len(values) % 3 else Problem.TOO_MANY
-        sentence = f"{spec.token} has {len(values)} values, triplets of axis, least and most are needed: {_shown(text)}"
+        sentence = f"{spec.token} has {len(values)} values, triplets of axis, least and most are needed: {shown(text)}"
         return Refused(problem, sentence, text, spec, values)
     return Request(spec, values, text)
 
@@ -229,7 +229,7 @@ def _numbers(spec: Spec, fields: list[str], text: str) -> tuple[tuple[float, ...
         try:
             value = java_double(field)
         except ValueError:
-            sentence = f"value {place} of {spec.token.rstrip('_')} is {_shown(field)}, which is no number"
+            sentence = f"value {place} of {spec.token.rstrip('_')} is {shown(field)}, which is no number"
             return tuple(values), Refused(Problem.NO_NUMBER, sentence, text, spec, tuple(values))
         values.append(value)
     for place, value in enumerate(values, 1):
@@ -250,5 +250,6 @@ def _hint(text: str) -> str:
     return ""
 
 
-def _shown(text: str, most: int = 60) -> str:
+def shown(text: str, most: int = 60) -> str:
+    """Return a line as the log shows it: quoted, its beginning only, and nothing in it that acts on a terminal."""
     return repr(text if len(text) <= most else f"{text[:most]}...")
