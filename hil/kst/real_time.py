@@ -12,6 +12,9 @@ from hil.kst.registers import STILL, Registers, pose_of
 from hil.kst.shaping import MINIMUM_TIME_S, Shaping
 from hil.values.pose import Pose
 
+PASSED_MOST_S: Final = 0.02
+"""A set-point acts over no more than that: while the operator pauses a program a destination waits, and the arm must
+not make up for the pause in a leap."""
 _NS_PER_S: Final = 1e9
 
 
@@ -41,7 +44,7 @@ async def _joints(context: Context, runtime: AsyncDirectServoRuntime) -> None:
     while not context.stop.is_set():
         target_rad, measured_rad = context.registers.joints_rad, runtime.get_axis_q_msr_on_controller()
         now_ns = runtime.get_time_stamp_of_update()
-        passed_s, before_ns = (now_ns - before_ns) / _NS_PER_S, now_ns
+        passed_s, before_ns = _passed_s(before_ns, now_ns), now_ns
         await runtime.set_destination(shaping.destination(target_rad or measured_rad, measured_rad, passed_s=passed_s))
 
 
@@ -64,13 +67,17 @@ async def _velocities(context: Context, runtime: AsyncDirectServoRuntime) -> Non
             silence_ms = context.settings.watchdog_ms
             context.tell(f"no velocity came for {silence_ms} ms: the arm stops, and moves again with the next one")
         now_ns, velocity_rad_s = runtime.get_time_stamp_of_update(), registers.velocity_rad_s
-        passed_s = (now_ns - before_ns) / _NS_PER_S
+        passed_s = _passed_s(before_ns, now_ns)
         position_rad = tuple(
             position + 0.5 * (old + new) * passed_s
             for position, old, new in zip(position_rad, before_rad_s, velocity_rad_s, strict=True)
         )
         before_ns, before_rad_s = now_ns, velocity_rad_s
         await runtime.set_destination(position_rad)
+
+
+def _passed_s(before_ns: int, now_ns: int) -> float:
+    return min((now_ns - before_ns) / _NS_PER_S, PASSED_MOST_S)
 
 
 def _silent(registers: Registers, context: Context) -> bool:

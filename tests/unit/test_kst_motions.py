@@ -270,6 +270,28 @@ def test_a_set_point_too_far_away_ends_the_mode_and_says_so(hil_controller: Virt
     hil_controller.run_async(program())
 
 
+def test_velocities_that_come_while_the_program_is_paused_are_not_made_up_for(
+    hil_controller: VirtualController,
+) -> None:
+    async def program() -> None:
+        async with visit() as robot:
+            await at_start(robot)
+            assert await robot.ask("stVelDcJoint_") == ["done"]
+            hil_controller.after(0.5, hil_controller.operator.pause)
+            hil_controller.after(2.5, hil_controller.operator.start)
+            fastest_rad_s = 0.0
+            for _ in range(40):
+                assert await robot.ask("velJDC_0.03_0_0_0_0_0_0_") == ["done"]
+                for _ in range(100):
+                    await robot.next_state()
+                    fastest_rad_s = max(fastest_rad_s, abs(hil_controller.measured_velocity_rad_s[0]))
+            assert hil_controller.measured_velocity_rad_s[0] == pytest.approx(0.03, abs=0.01)
+            assert fastest_rad_s < 0.06
+            assert await robot.ask("stopDirectServoJoints") == ["done"]
+
+    hil_controller.run_async(program())
+
+
 def test_velocities_are_integrated_and_silence_stops_the_arm(hil_controller: VirtualController) -> None:
     async def program() -> None:
         async with visit() as robot:
