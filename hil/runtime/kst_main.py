@@ -86,6 +86,8 @@ async def _report(server: KstServer) -> None:
 
 def _ends(server: KstServer) -> None:
     if not os.read(sys.stdin.fileno(), 4096):
+        # Its end can be read for ever.
+        asyncio.get_running_loop().remove_reader(sys.stdin.fileno())
         server.stop()
 
 
