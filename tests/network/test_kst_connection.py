@@ -30,7 +30,7 @@ def test_a_flood_leaves_the_event_loop_to_the_others_in_between() -> None:
             connection = Connection(ours, session, now_ns=lambda: next(clock))
             while sum(sizes) < 4 * READ_MOST_BYTES:
                 passes += 1
-                await let_others_run()
+                await let_others_run(1)
             connection.end("that is all")
         return sizes, passed
 
