@@ -25,6 +25,8 @@ T1_MM_S: Final = 225.0
 """Most the flange may do on a path in T1: nine tenths of what the monitor stops at."""
 FASTEST_MM_S: Final = 5000.0
 """Whatever is asked for: no axis lets a TCP be so fast."""
+JERK_SHARES: Final = (1.0, 1.0 - 1e-6)
+"""Tried one after the other: on the border between two shapes of profile, as a path of 20 mm is, Ruckig finds none."""
 _SAMPLES: Final = 64
 _COLLINEAR: Final = 1e-6
 _SAME_PLACE_M: Final = 1e-6
@@ -158,13 +160,17 @@ class Profile:
         wanted = InputParameter(1)
         wanted.current_position, wanted.target_position = [0.0], [1.0]
         wanted.max_velocity, wanted.max_acceleration = [limits.velocity], [limits.acceleration]
-        wanted.max_jerk = [limits.jerk]
         self._trajectory = Trajectory(1)
-        try:
-            Ruckig(1).calculate(wanted, self._trajectory)
-        except RuckigError as error:
+        for share in JERK_SHARES:
+            wanted.max_jerk = [limits.jerk * share]
+            try:
+                Ruckig(1).calculate(wanted, self._trajectory)
+            except RuckigError:
+                continue
+            break
+        else:
             sentence = f"the path takes {1.0 / max(limits.velocity, 1e-300):.1g} s at its speed; a faster one is needed"
-            raise ConfigurationError(sentence) from error
+            raise ConfigurationError(sentence)
         self.duration_s: float = self._trajectory.duration
 
     def at(self, time_s: float) -> float:

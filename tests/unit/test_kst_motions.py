@@ -8,9 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.config.station import parse_station
+from hil.kst.paths import Limits, Line, Profile, limits_of
 from hil.kst.shaping import CHANGE_RAD_S, STEP_MOST_RAD, Shaping, shaped
 from hil.testkit.controller import VirtualController
+from hil.values.errors import ConfigurationError
 from hil.values.kst import KstSettings, UnprovenLoad
+from hil.values.pose import NOWHERE, Pose
 from tests.support.kst_virtual import SETTINGS, Visit, visit
 from transport.kst import Problem
 
@@ -268,6 +271,20 @@ def test_a_set_point_too_far_away_ends_the_mode_and_says_so(hil_controller: Virt
             assert await robot.move("jRelVel_1.0_", START, "doPTPinJS") == "done"
 
     hil_controller.run_async(program())
+
+
+@pytest.mark.parametrize("speed_mm_s", [100.0, 150.0, 5000.0])
+def test_every_length_has_a_profile_and_one_of_twenty_millimetres_too(speed_mm_s: float) -> None:
+    for step in range(-100, 101):
+        way = Line(Pose(0.0, 0.0, 0.0), Pose(0.0, 0.0, 0.02 * (1.0 + step * 1e-16)))
+        limits = limits_of(way, speed_mm_s=speed_mm_s, tcp_in_flange=NOWHERE, in_t1=False)
+        assert limits is not None
+        assert Profile(limits).duration_s == pytest.approx(0.4, abs=1e-3)
+
+
+def test_a_path_that_would_take_for_ever_is_refused_in_words() -> None:
+    with pytest.raises(ConfigurationError, match="takes 1e\\+300 s at its speed"):
+        Profile(Limits(1e-310, 20.0, 200.0))
 
 
 def test_velocities_that_come_while_the_program_is_paused_are_not_made_up_for(
