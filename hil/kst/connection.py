@@ -98,6 +98,7 @@ class Connection:
             self.end(f"the connection broke: {error.strerror}")
             return
         if not data:
+            self.session.closed()
             if self._answers_eof:
                 self.end("the client closed the connection without a word (end)")
             else:

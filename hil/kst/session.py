@@ -132,6 +132,13 @@ class KstSession:
             self._take_line(line, last=place == len(lines) - 1, now_ns=now_ns)
         self._open_since_ns = now_ns if self._cutter.open_line else None
 
+    def closed(self) -> None:
+        """Nothing more comes; a line that has no end now is refused, and nobody is answered."""
+        if self._open_since_ns is not None:
+            self._open_since_ns = None
+            sentence = f"{self._cutter.open_line[:60]!r} had no line end, a LF, when the client closed the connection"
+            self.log.refuse(Problem.NO_END, sentence)
+
     def ended(self, ended: Ended, *, now_ns: int) -> None:
         """The arm's job has ended."""
         phase = self.phase

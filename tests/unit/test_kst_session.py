@@ -367,6 +367,15 @@ def test_a_line_without_an_end_is_told_and_may_still_get_one() -> None:
     assert bench.session.log.refused == {Problem.NO_END: 1}
 
 
+def test_a_line_without_an_end_is_counted_when_the_client_closes() -> None:
+    bench = Bench()
+    assert bench.send(b"blueOn\ngetJoints") == [DONE]
+    bench.session.closed()
+    assert "b'getJoints' had no line end, a LF, when the client closed" in bench.told()
+    assert bench.session.log.refused == {Problem.NO_END: 1}
+    assert bench.session.due_ns is None
+
+
 def test_a_line_too_long_and_binary_are_refused_and_the_session_lives() -> None:
     bench = Bench()
     assert bench.send(b"jp_" + b"0" * 5000) == [NAK]
