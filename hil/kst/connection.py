@@ -15,7 +15,7 @@ from transport.tcp.sockets import kernel_facts, set_no_delay
 READ_MOST_BYTES: Final = 1 << 12
 """At once; a client that floods must not keep the session at the controller waiting for its turn."""
 BUSY_NS: Final = 2_000_000
-"""What came at once and took longer is a flood: nothing more is read for as long as it took."""
+"""As much as can come at once, and it took longer: a flood. Nothing more is read for as long as it took."""
 UNREAD_MOST_BYTES: Final = 1 << 16
 """Replies a client has not read; with more of them the connection ends."""
 LOOK_AGAIN_S: Final = 0.005
@@ -120,7 +120,8 @@ class Connection:
         )
         self.work()
         self._sample_when_due()
-        self._rest_after(self._now_ns() - now_ns)
+        if len(data) == READ_MOST_BYTES:
+            self._rest_after(self._now_ns() - now_ns)
 
     def _rest_after(self, spent_ns: int) -> None:
         """Leave what a flood brings in the kernel for a while: states of the controller are read one in each pass."""
