@@ -104,7 +104,8 @@ def test_nobody_can_show_the_robots_to_the_world(served: Served) -> None:
 
 def test_keys_are_held_and_flanges_dragged_by_who_has_the_token_only(served: Served) -> None:
     assert said(served, "/", served.hold()) == []
-    assert said(served, f"/{TOKEN[:-1]}x", served.hold()) == []
+    other_end = "x" if TOKEN[-1] != "x" else "y"
+    assert said(served, f"/{TOKEN[:-1]}{other_end}", served.hold()) == []
     assert said(served, f"/{TOKEN}", served.hold()) == ["hold"]
 
 
