@@ -158,7 +158,10 @@ def test_pages_of_others_may_not_look(served: Served, host: str, origin: str | N
     assert answer == (b"HTTP/1.1 200 OK" if may else b"HTTP/1.1 403 Forbidden")
 
 
-def test_who_talks_without_end_is_heard_slowly_and_holds_nobody_up(served: Served) -> None:
+def test_who_talks_without_end_is_heard_slowly_and_holds_nobody_up() -> None:
+    # A server of its own: what the talker has sent is still being heard when the test is over.
+    served = Served(own_host())
+
     async def speak() -> None:
         count = 3 * int(LOOKERS_MESSAGES_PER_S)
         async with served.guest() as talker:
@@ -171,7 +174,10 @@ def test_who_talks_without_end_is_heard_slowly_and_holds_nobody_up(served: Serve
             assert len(served.heard) < 0.8 * count
             flood.cancel()
 
-    asyncio.run(speak())
+    try:
+        asyncio.run(speak())
+    finally:
+        served.server.stop()
 
 
 def test_lookers_do_not_keep_the_operator_out(served: Served) -> None:
