@@ -35,6 +35,7 @@ def _add_commands(first: str) -> None:
         from hil.cli import (
             backends,
             bench,
+            campaign,
             can_drives,
             capture,
             config,
@@ -57,6 +58,7 @@ def _add_commands(first: str) -> None:
 
         app.command("run")(run.run)
         app.command("backends")(backends.backends)
+        app.command("campaign")(campaign.campaign)
         app.command("demo")(demo.demo)
         app.command("dissector")(dissector.dissector)
         app.command("impair")(impair.impair)

@@ -373,7 +373,7 @@ def parse_station(content: dict[str, Any], *, where: str) -> Station:
     try:
         return Station.model_validate(content)
     except ValidationError as error:
-        raise ConfigurationError(f"{where}: {_first_problems(error)}") from None
+        raise ConfigurationError(f"{where}: {first_problems(error)}") from None
 
 
 def parse_robot(content: dict[str, Any], *, where: str) -> RobotConfig:
@@ -381,10 +381,11 @@ def parse_robot(content: dict[str, Any], *, where: str) -> RobotConfig:
     try:
         return RobotConfig.model_validate(content)
     except ValidationError as error:
-        raise ConfigurationError(f"{where}: {_first_problems(error)}") from None
+        raise ConfigurationError(f"{where}: {first_problems(error)}") from None
 
 
-def _first_problems(error: ValidationError, most: int = 3) -> str:
+def first_problems(error: ValidationError, most: int = 3) -> str:
+    """Return in words what pydantic found, with the place of each in the file."""
     problems = error.errors(include_url=False)
     told = [f"{_place(problem['loc'])}{_message(problem)}" for problem in problems[:most]]
     if len(problems) > most:

@@ -7,17 +7,16 @@ from pathlib import Path
 from typing import Final
 
 from hil.clock import Deadline, MonotonicClock
-from hil.replay.guess import Flow
-from hil.replay.replay import Wish, flows_of, packets_of
+from hil.replay.conversations import fri_conversation, servo_conversation
+from hil.replay.replay import Wish, packets_of
 from hil.replay.result import ReplayResult
 from hil.replay.stand_in_application import RecordedApplication
 from hil.replay.stand_in_client import RecordedClient
 from hil.replay.stand_in_controller import RecordedController
 from hil.replay.stand_in_servo import RecordedServoController
-from hil.values.errors import EndpointError, MalformedDatagram, UsageError
+from hil.values.errors import EndpointError
 from hil.values.link import Address
-from hil.values.servo import SERVO_PORT, Hello
-from transport.capture.reading import read_section_comment
+from hil.values.servo import SERVO_PORT
 from transport.servo import ServoCodec
 from transport.udp import ANY_HOST, bind_socket, parse_address
 
@@ -28,7 +27,7 @@ _SILENCE_S: Final = 10.0
 
 def client_against_controller(file: Path, wish: Wish, *, bind: Address, duration_s: float | None) -> RecordedClient:
     """Answer the controller that speaks to ``bind`` as the recorded FRI client did, until the end of either."""
-    flow = _only_flow(file, wish)
+    flow = fri_conversation(file, wish)
     client = RecordedClient(flow, packets_of(file))
     duration, silence = Deadline(duration_s), Deadline(_SILENCE_S)
     with _socket(bind) as sock:
@@ -52,7 +51,7 @@ def controller_against_client(
     file: Path, wish: Wish, *, client: Address, bind: Address
 ) -> tuple[RecordedController, ReplayResult]:
     """Speak to the FRI client at ``client`` as the recorded controller did, and compare its answers."""
-    flow = _only_flow(file, wish)
+    flow = fri_conversation(file, wish)
     result = ReplayResult(str(file), own=True, other="client", complete=True)
     controller = RecordedController(flow, packets_of(file), result)
     clock = MonotonicClock()
@@ -76,7 +75,7 @@ def controller_against_client(
 
 def application_against_controller(file: Path, *, controller: Address, codec: ServoCodec) -> RecordedApplication:
     """Speak to the controller at ``controller`` as the first recorded application did, until the end of either."""
-    recorded_client, recorded_controller = _application_route(file, codec)
+    recorded_client, recorded_controller = servo_conversation(file, codec)
     application = RecordedApplication(
         packets_of(file), client=recorded_client, controller=recorded_controller, codec=codec
     )
@@ -102,7 +101,7 @@ def controller_against_application(
     file: Path, *, bind: Address, codec: ServoCodec
 ) -> tuple[RecordedServoController, ReplayResult]:
     """Speak to the application that connects to ``bind`` as the recorded controller did; compare what it asks for."""
-    recorded_client, recorded_controller = _application_route(file, codec)
+    recorded_client, recorded_controller = servo_conversation(file, codec)
     result = ReplayResult(str(file), own=True, other="application", complete=True)
     controller = RecordedServoController(
         packets_of(file), client=recorded_client, controller=recorded_controller, codec=codec, result=result
@@ -134,22 +133,6 @@ def controller_against_application(
 def controller_address(text: str) -> Address:
     """Return the address of a controller's servo link, ``HOST[:PORT]``."""
     return parse_address(text, default_port=SERVO_PORT)
-
-
-def _only_flow(file: Path, wish: Wish) -> Flow:
-    flows = list(flows_of(file, wish).values())
-    if not flows:
-        raise UsageError(f"{file} holds no FRI traffic that is understood")
-    return flows[0]
-
-
-def _application_route(file: Path, codec: ServoCodec) -> tuple[Address, Address]:
-    read_section_comment(file)
-    for packet in packets_of(file):
-        with suppress(MalformedDatagram):
-            if isinstance(codec.decode_from_client(packet.payload), Hello):
-                return Address(*packet.source), Address(*packet.destination)
-    raise UsageError(f"{file} holds no hello of an application on the servo link (or it needs its key: --servo-key)")
 
 
 def _socket(bind: Address) -> socket.socket:

@@ -145,10 +145,27 @@ def _base_config(header: CaptureHeader | None, number: int, flow: Flow, wish: Wi
             config = own[0]
         elif number < len(header.station.robot):
             config = header.config(number)
-    if config.backend not in _EMULATED:
-        # The emulator beside a recording is simulated, whatever the recording was of.
-        config = config.model_copy(update={"backend": "mujoco", "options": {}})
+    # The emulator beside a recording is simulated, whatever the recording was of.
+    config = _simulated(config)
     return config if wish.model is None else config.model_copy(update={"model": wish.model})
+
+
+def recorded_config(file: Path) -> RobotConfig:
+    """Return the robot of a capture, simulated: as the capture says it was, or as its first FRI controller seems to be.
+
+    Raises :class:`UsageError` where there is nothing to tell it from.
+    """
+    header = read_header(read_section_comment(file))
+    if header is not None:
+        return _simulated(header.config(0))
+    flows = list(flows_of(file, Wish()).values())
+    if not flows:
+        raise UsageError(f"{file} holds no FRI traffic that is understood, and nothing says what robot it is of")
+    return flows[0].config(RobotConfig(), backend=None)
+
+
+def _simulated(config: RobotConfig) -> RobotConfig:
+    return config if config.backend in _EMULATED else config.model_copy(update={"backend": "mujoco", "options": {}})
 
 
 def flows_of(file: Path, wish: Wish) -> dict[tuple[Address, Address], Flow]:

@@ -17,8 +17,9 @@ Fixtures: ``hil_controller`` and ``hil_network`` (virtual time), ``hil_process``
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from hil.testkit._attached import AttachedApplication, AttachedFri
     from hil.testkit._network import VirtualNetwork
-    from hil.testkit.controller import AttachedFri, VirtualController
+    from hil.testkit.controller import VirtualController
     from hil.testkit.errors import NeverHappened, ProcessFailed, VirtualTimeOver
     from hil.testkit.operator import Operator
     from hil.testkit.process import HilProcess
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AtPacket",
+    "AttachedApplication",
     "AttachedFri",
     "BurstLoss",
     "ClockSkew",
@@ -67,7 +69,8 @@ __all__ = [
 ]
 
 _HOMES = {
-    "AttachedFri": "hil.testkit.controller",
+    "AttachedApplication": "hil.testkit._attached",
+    "AttachedFri": "hil.testkit._attached",
     "HilProcess": "hil.testkit.process",
     "NeverHappened": "hil.testkit.errors",
     "Operator": "hil.testkit.operator",

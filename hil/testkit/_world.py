@@ -29,6 +29,7 @@ from hil.testkit.errors import VirtualTimeOver
 from hil.values.errors import EndpointError, UsageError
 from hil.values.link import Address, Outgoing, Source
 from hil.values.operator import OperatorAction
+from hil.values.robot import Seven
 from transport.impairment import Direction
 from transport.udp import ANY_HOST
 
@@ -62,10 +63,17 @@ class World:
     Raises :class:`VirtualTimeOver` in whoever waits longer than ``limit_s`` allows. Of one thread.
     """
 
-    def __init__(self, config: RobotConfig, *, limit_s: float, capture: Path | None = None) -> None:
+    def __init__(
+        self,
+        config: RobotConfig,
+        *,
+        limit_s: float,
+        capture: Path | None = None,
+        initial_position_rad: Seven | None = None,
+    ) -> None:
         addresses = link_addresses(config)
         self.config = config
-        self.parts = open_parts(config)
+        self.parts = open_parts(config, initial_position_rad=initial_position_rad)
         self.core = make_controller(
             config,
             self.parts,

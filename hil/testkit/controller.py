@@ -16,8 +16,13 @@ from hil.config.station import RobotConfig
 from hil.core.events import ArmStopped, Event
 from hil.core.fri.link import FriLink
 from hil.core.model import ArmModel
-from hil.runtime.assembly import robot_description
+from hil.replay.conversations import fri_conversation, servo_conversation
+from hil.replay.replay import Wish, packets_of
+from hil.replay.stand_in_application import RecordedApplication
+from hil.replay.stand_in_client import RecordedClient
+from hil.runtime.assembly import make_servo_codec, robot_description
 from hil.testkit._application_clock import virtual_time_module
+from hil.testkit._attached import AttachedApplication, AttachedFri
 from hil.testkit._event_loop import run_async
 from hil.testkit._network import VirtualNetwork
 from hil.testkit._schedule import Order
@@ -26,7 +31,7 @@ from hil.testkit._world import Route, World, WorldClock
 from hil.testkit.errors import NeverHappened, told
 from hil.testkit.operator import Operator
 from hil.values.errors import ConfigurationError, UnknownName, UsageError
-from hil.values.fri import Quality, SessionState
+from hil.values.fri import Quality, Release, SessionState
 from hil.values.operator import OperatorAction, OperatorView
 from hil.values.pose import Pose
 from hil.values.robot import Seven
@@ -39,17 +44,25 @@ _T = TypeVar("_T")
 class VirtualController:
     """The controller of one robot. Times are in seconds since its first cycle, and are virtual.
 
-    ``capture`` is a file that records it, for Wireshark and ``hil replay``.
+    ``capture`` is a file that records it, for Wireshark and ``hil replay``. The arm begins at ``initial_position_rad``,
+    or where its model does.
     Inside :meth:`active`, clients of :mod:`hil.client` find this controller at any address with the right port.
     """
 
-    def __init__(self, config: RobotConfig, *, limit_s: float = 120.0, capture: Path | None = None) -> None:
+    def __init__(
+        self,
+        config: RobotConfig,
+        *,
+        limit_s: float = 120.0,
+        capture: Path | None = None,
+        initial_position_rad: Seven | None = None,
+    ) -> None:
         if not math.isfinite(limit_s) or limit_s <= 0.0:
             raise ConfigurationError(f"a limit of {limit_s} s of virtual time; more than 0 s is needed")
         if config.kst is not None:
             raise ConfigurationError("virtual time has no KST server, which is a process: use hil_process")
         self.config = config
-        self._world = World(config, limit_s=limit_s, capture=capture)
+        self._world = World(config, limit_s=limit_s, capture=capture, initial_position_rad=initial_position_rad)
         self._operator = _VirtualOperator(self._world)
         self._arm: ArmModel | None = None
 
@@ -108,14 +121,45 @@ class VirtualController:
         """The network between the applications and this controller."""
         return self._world.network
 
-    def attach_fri(self, handler: FriHandler) -> "AttachedFri":
+    def attach_fri(self, handler: FriHandler) -> "AttachedFri[ClientSession]":
         """Let ``handler`` answer as the FRI client, while the test goes on; for handlers without a program around."""
+        release, sock = self._fri_client()
+        return AttachedFri(self._world, ClientSession(release, handler), sock)
+
+    def attach_recorded_client(self, file: Path) -> "AttachedFri[RecordedClient]":
+        """Let the first FRI client of the capture ``file`` answer: what it said in each session state, one by one.
+
+        The counters are those of this session; ``session.ended`` tells when the recording has nothing more to say.
+        Raises :class:`UsageError` for a capture without one, or of another release.
+        """
+        release, sock = self._fri_client()
+        try:
+            flow = fri_conversation(file, Wish(release))
+            return AttachedFri(self._world, RecordedClient(flow, packets_of(file)), sock)
+        except BaseException:
+            sock.close()
+            raise
+
+    def attach_recorded_application(self, file: Path) -> "AttachedApplication":
+        """Let the first servo application of the capture ``file`` speak: the same requests at the same times.
+
+        ``session.over`` tells when it has nothing more to say. Raises :class:`UsageError` for a capture without one.
+        """
+        address = self._world.servo_address
+        if address is None or self.config.servo is None:
+            raise UsageError("this controller has no servo link; it was configured with servo=None")
+        codec = make_servo_codec(self.config.servo)
+        client, controller = servo_conversation(file, codec)
+        session = RecordedApplication(packets_of(file), client=client, controller=controller, codec=codec)
+        return AttachedApplication(self._world, session, self._world.connect(address))
+
+    def _fri_client(self) -> tuple[Release, VirtualSocket]:
         fri, peer = self.config.fri, self._world.fri_peer
         if fri is None or peer is None:
             raise UsageError("this controller has no FRI link; it was configured with fri=None")
         sock = self._world.bind(peer, controller=None)
         assert isinstance(sock, VirtualSocket)  # noqa: S101  # a world binds no other kind
-        return AttachedFri(self._world, ClientSession(fri.release, handler), sock)
+        return fri.release, sock
 
     def shut_down(self) -> None:
         """End the controller in order: the arm brakes, all sessions are closed. Clients see that."""
@@ -241,36 +285,6 @@ class VirtualController:
         if self._arm is None:
             self._arm = ArmModel(load_pinocchio(robot_description(self.config).name))
         return self._arm
-
-
-class AttachedFri:
-    """An FRI client that is nothing but its handler; ``session`` counts what it heard and answered."""
-
-    def __init__(self, world: World, session: ClientSession, sock: VirtualSocket) -> None:
-        self.session = session
-        self._world = world
-        self._socket = sock
-        self._answering = False
-        world.serve(self._serve)
-
-    def detach(self) -> None:
-        """Fall silent, as a client that was killed."""
-        if not self._socket.closed:
-            self._world.leave(self._serve)
-            self._socket.close()
-
-    def _serve(self) -> None:
-        if self._answering:
-            # The handler waits inside its callback: nobody reads meanwhile.
-            return
-        self._answering = True
-        try:
-            while (datagram := self._socket.take()) is not None:
-                answer = self.session.receive(datagram)
-                if answer is not None and not self._socket.closed:
-                    self._socket.send(answer)
-        finally:
-            self._answering = False
 
 
 class _VirtualOperator(Operator):

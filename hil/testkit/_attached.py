@@ -1,0 +1,69 @@
+"""Peers of a virtual controller that are no program: a handler, or one side of a recorded conversation."""
+
+from typing import Generic, Protocol, TypeVar
+
+from hil.replay.stand_in_application import RecordedApplication
+from hil.testkit._sockets import VirtualSocket
+from hil.testkit._world import World
+
+
+class Answering(Protocol):
+    """Answers monitoring messages."""
+
+    def receive(self, datagram: bytes) -> bytes | None:
+        """Take one, and return the answer to it, if there is one."""
+
+
+_Session = TypeVar("_Session", bound=Answering)
+
+
+class AttachedFri(Generic[_Session]):
+    """An FRI client that is nothing but its ``session``, which counts what it heard and answered."""
+
+    def __init__(self, world: World, session: _Session, sock: VirtualSocket) -> None:
+        self.session = session
+        self._world = world
+        self._socket = sock
+        self._answering = False
+        world.serve(self._serve)
+
+    def detach(self) -> None:
+        """Fall silent, as a client that was killed."""
+        if not self._socket.closed:
+            self._world.leave(self._serve)
+            self._socket.close()
+
+    def _serve(self) -> None:
+        if self._answering:
+            # The handler waits inside its callback: nobody reads meanwhile.
+            return
+        self._answering = True
+        try:
+            while (datagram := self._socket.take()) is not None:
+                answer = self.session.receive(datagram)
+                if answer is not None and not self._socket.closed:
+                    self._socket.send(answer)
+        finally:
+            self._answering = False
+
+
+class AttachedApplication:
+    """A recorded application of the servo link; ``session`` counts what it sent and heard."""
+
+    def __init__(self, world: World, session: RecordedApplication, sock: VirtualSocket) -> None:
+        self.session = session
+        self._world = world
+        self._socket = sock
+        world.serve(self._serve)
+
+    def detach(self) -> None:
+        """Fall silent, as an application that was killed."""
+        if not self._socket.closed:
+            self._world.leave(self._serve)
+            self._socket.close()
+
+    def _serve(self) -> None:
+        while (datagram := self._socket.take()) is not None:
+            self.session.receive(datagram, now_ns=self._world.now_ns)
+        for packet in self.session.due(now_ns=self._world.now_ns):
+            self._socket.send(packet)

@@ -1,0 +1,291 @@
+"""The campaign file (TOML): what is combined with what. Unknown keys are errors."""
+
+import hashlib
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any, Final, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from hil.config.frames import LoadConfig
+from hil.config.station import first_problems, load_station, parse_robot
+from hil.values.errors import ConfigurationError, HilError
+from tools.campaign.scenario import Require, Scenario
+from transport.impairment import parse_fault
+
+MOST_SCENARIOS: Final = 1_000_000
+_NAME: Final = r"^[\w.+-][\w.+, -]{0,39}$"
+_DEFAULT_ROBOT: Final[Mapping[str, Any]] = {"fri": {}, "servo": {}}
+
+Name = Annotated[str, Field(pattern=_NAME, description="1 to 40 letters, digits, spaces, commas and . + - _")]
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class _Axis(_Model):
+    """One choice of one axis."""
+
+    name: Name
+    robot: Annotated[dict[str, Any], Field(description="keys of a robot in a station file, laid over the others")] = {}
+
+    def keys(self) -> dict[str, Any]:
+        """Return what it lays over the robot."""
+        return self.robot
+
+
+class ApplicationConfig(_Axis):
+    """``[[application]]``: a program of yours, or a capture whose client speaks again."""
+
+    run: Annotated[str | None, Field(description="module, or file.py, that is run as a program")] = None
+    arguments: Annotated[tuple[str, ...], Field(description="its command line")] = ()
+    capture: Annotated[Path | None, Field(description="capture: its FRI client and its servo application speak")] = None
+    impairments: Annotated[tuple[str, ...] | None, Field(description="only with these; default: all")] = None
+    gains: Annotated[tuple[str, ...] | None, Field(description="only with these; default: all")] = None
+    loads: Annotated[tuple[str, ...] | None, Field(description="only with these; default: all")] = None
+
+    @model_validator(mode="after")
+    def _one_of(self) -> Self:
+        if (self.run is None) == (self.capture is None):
+            raise ConfigurationError(f"application {self.name!r} needs run or capture, one of them")
+        if self.capture is not None and self.arguments:
+            raise ConfigurationError(f"application {self.name!r}: a capture takes no arguments")
+        return self
+
+
+class ImpairmentConfig(_Axis):
+    """``[[impairment]]``: a bad network, as ``hil impair`` takes it."""
+
+    faults: Annotated[tuple[str, ...], Field(description="such as loss=2% or jitter=1ms; none: a perfect network")] = ()
+
+    @field_validator("faults")
+    @classmethod
+    def _readable(cls, faults: tuple[str, ...]) -> tuple[str, ...]:
+        for fault in faults:
+            try:
+                parse_fault(fault)
+            except HilError as error:
+                raise ConfigurationError(str(error)) from None
+        return faults
+
+
+class GainsConfig(_Axis):
+    """``[[gains]]``: control under the FRI overlay, or options of the program."""
+
+    control: Annotated[dict[str, Any] | None, Field(description="keys of [robot.fri.control]")] = None
+    arguments: Annotated[tuple[str, ...], Field(description="put behind the arguments of a program")] = ()
+
+    def keys(self) -> dict[str, Any]:
+        """Return what it lays over the robot."""
+        return self.robot if self.control is None else laid_over(self.robot, {"fri": {"control": self.control}})
+
+
+class CampaignLoad(_Axis, LoadConfig):
+    """``[[load]]``: what hangs on the flange."""
+
+    told: Annotated[bool, Field(strict=True, description="whether the controller knows of it, as a mounted tool")] = (
+        True
+    )
+
+    def keys(self) -> dict[str, Any]:
+        """Return what it lays over the robot."""
+        load = self.model_dump(include=set(LoadConfig.model_fields), exclude_unset=True)
+        if not load:
+            return self.robot
+        hangs: dict[str, Any] = {"load": load}
+        if self.told:
+            hangs["tool"] = [{"name": "campaign load", "mounted": True, **load}]
+        return laid_over(self.robot, hangs)
+
+
+class Campaign(_Model):
+    """A campaign file."""
+
+    seconds: Annotated[float, Field(gt=0.0, le=86_400.0, description="virtual time a scenario may take")] = 30.0
+    patience_s: Annotated[
+        float, Field(gt=0.0, le=86_400.0, description="real time a scenario may take; then its worker is ended")
+    ] = 120.0
+    retries: Annotated[int, Field(ge=0, le=10, description="further tries where a worker died")] = 2
+    seeds: Annotated[
+        int | tuple[int, ...], Field(description="how many (1, 2, ...), or which: of the network and the sensors")
+    ] = 1
+    station: Annotated[Path | None, Field(description="station file whose robot is the base of all scenarios")] = None
+    robot_name: Annotated[str | None, Field(description="which of its robots, where it has several")] = None
+    robot: Annotated[dict[str, Any], Field(description="keys of a robot in a station file, laid over it")] = {}
+    require: Annotated[Require, Field(description="what makes a scenario a failure")] = Require()
+    application: Annotated[tuple[ApplicationConfig, ...], Field(min_length=1)]
+    impairment: tuple[ImpairmentConfig, ...] = (ImpairmentConfig(name="perfect"),)
+    gains: tuple[GainsConfig, ...] = (GainsConfig(name="default"),)
+    load: tuple[CampaignLoad, ...] = (CampaignLoad(name="none"),)
+
+    @field_validator("seeds")
+    @classmethod
+    def _some_seeds(cls, seeds: int | tuple[int, ...]) -> int | tuple[int, ...]:
+        wrong = [seed for seed in (seeds if isinstance(seeds, tuple) else ()) if not 0 <= seed < 2**63]
+        if wrong:
+            raise ConfigurationError(f"seed {wrong[0]}; 0 to 2^63 - 1 are valid")
+        if seeds == () or (isinstance(seeds, int) and not 1 <= seeds <= MOST_SCENARIOS):
+            raise ConfigurationError(f"seeds = {seeds!r}; how many (from 1 on), or a list of them")
+        if isinstance(seeds, tuple) and len(set(seeds)) < len(seeds):
+            raise ConfigurationError("a seed is listed twice: the two scenarios would be the same")
+        return seeds
+
+    @model_validator(mode="after")
+    def _names(self) -> Self:
+        axes: dict[str, Sequence[_Axis]] = {
+            "application": self.application,
+            "impairments": self.impairment,
+            "gains": self.gains,
+            "loads": self.load,
+        }
+        for kind, axis in axes.items():
+            names = [one.name for one in axis]
+            if twice := sorted({name for name in names if names.count(name) > 1}):
+                raise ConfigurationError(f"{kind}: the name {twice[0]!r} is given twice")
+            for application in self.application:
+                for name in getattr(application, kind, None) or () if kind != "application" else ():
+                    if name not in names:
+                        raise ConfigurationError(
+                            f"application {application.name!r}: {kind} has {name!r}; valid: {', '.join(names)}"
+                        )
+        return self
+
+    @property
+    def numbers(self) -> Sequence[int]:
+        """The seeds."""
+        return range(1, self.seeds + 1) if isinstance(self.seeds, int) else self.seeds
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The scenarios of a campaign file, in order."""
+
+    campaign: Campaign
+    scenarios: tuple[Scenario, ...]
+
+
+def load_plan(path: Path) -> Plan:
+    """Return what the campaign file ``path`` asks for; raise :class:`ConfigurationError` before anything runs."""
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigurationError(f"cannot read campaign file {path}: {error.strerror}") from error
+    except (ValueError, RecursionError) as error:
+        raise ConfigurationError(f"campaign file {path} is no TOML: {error}") from error
+    try:
+        campaign = Campaign.model_validate(content)
+    except ValidationError as error:
+        raise ConfigurationError(f"{path}: {first_problems(error)}") from None
+    base = _base(campaign, path.parent)
+    count = len(campaign.numbers) * sum(1 for _ in _combinations(campaign))
+    if count > MOST_SCENARIOS:
+        raise ConfigurationError(f"{path}: {count} scenarios; {MOST_SCENARIOS} at most")
+    scenarios = [
+        scenario for combination in _combinations(campaign) for scenario in _seeded(campaign, combination, base, path)
+    ]
+    return Plan(campaign, tuple(scenarios))
+
+
+_Combination = tuple[ApplicationConfig, ImpairmentConfig, GainsConfig, CampaignLoad]
+
+
+def _combinations(campaign: Campaign) -> Iterator[_Combination]:
+    for application, impairment, gains, load in product(
+        campaign.application, campaign.impairment, campaign.gains, campaign.load
+    ):
+        only = (
+            (application.impairments, impairment.name),
+            (application.gains, gains.name),
+            (application.loads, load.name),
+        )
+        if all(names is None or name in names for names, name in only):
+            yield application, impairment, gains, load
+
+
+def _base(campaign: Campaign, folder: Path) -> dict[str, Any]:
+    if campaign.station is None:
+        return laid_over(dict(_DEFAULT_ROBOT), campaign.robot)
+    robots: list[dict[str, Any]] = load_station(folder / campaign.station).model_dump(exclude_unset=True)["robot"]
+    found = [robot for robot in robots if campaign.robot_name in {None, robot.get("name", "arm")}]
+    if len(found) != 1:
+        names = ", ".join(robot.get("name", "arm") for robot in robots)
+        raise ConfigurationError(f"{campaign.station} has the robots {names}: choose one of them with robot_name")
+    return laid_over(found[0], campaign.robot)
+
+
+def _seeded(campaign: Campaign, combination: _Combination, base: Mapping[str, Any], path: Path) -> Iterator[Scenario]:
+    application, impairment, gains, load = combination
+    where = f"{path}: {'/'.join(one.name for one in combination)}"
+    robot = dict(base)
+    capture: str | None = None
+    if application.capture is not None:
+        capture = str(_found(path.parent / application.capture, where))
+        robot = _recorded_robot(Path(capture), robot, campaign, where)
+    for axis in combination:
+        robot = laid_over(robot, axis.keys())
+    robot.pop("kst", None)
+    parse_robot(robot, where=where)
+    run = application.run
+    if run is not None and run.endswith(".py"):
+        run = str(_found(path.parent / run, where))
+    content = "" if (spoken := capture or run) is None or not Path(spoken).is_file() else _digest(Path(spoken))
+    for seed in campaign.numbers:
+        yield Scenario(
+            application=application.name,
+            impairment=impairment.name,
+            gains=gains.name,
+            load=load.name,
+            seed=seed,
+            run=run,
+            arguments=() if run is None else (*application.arguments, *gains.arguments),
+            capture=capture,
+            faults=impairment.faults,
+            robot=robot,
+            seconds=campaign.seconds,
+            require=campaign.require,
+            content=content,
+        )
+
+
+@lru_cache(maxsize=64)
+def _digest_of(path: Path, _size: int, _changed_ns: int) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _digest(path: Path) -> str:
+    status = path.stat()
+    return _digest_of(path, status.st_size, status.st_mtime_ns)
+
+
+def _found(path: Path, where: str) -> Path:
+    if not path.is_file():
+        raise ConfigurationError(f"{where}: there is no file {path}")
+    return path.resolve()
+
+
+def _recorded_robot(capture: Path, base: Mapping[str, Any], campaign: Campaign, where: str) -> dict[str, Any]:
+    """Return the robot of a recording; without a station file, that is the base of its scenarios."""
+    from hil.replay.replay import recorded_config
+
+    if campaign.station is not None:
+        return dict(base)
+    try:
+        recorded = recorded_config(capture)
+    except HilError as error:
+        raise ConfigurationError(f"{where}: {error}") from error
+    return laid_over(recorded.model_dump(mode="json", exclude_unset=True), campaign.robot)
+
+
+def laid_over(before: Mapping[str, Any], keys: Mapping[str, Any]) -> dict[str, Any]:
+    """Return ``before`` with ``keys`` laid over it, section by section."""
+    merged = dict(before)
+    for key, value in keys.items():
+        old = merged.get(key)
+        merged[key] = laid_over(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
+    return merged
