@@ -126,7 +126,7 @@ class VirtualController:
         release, sock = self._fri_client()
         return AttachedFri(self._world, ClientSession(release, handler), sock)
 
-    def attach_recorded_client(self, file: Path) -> "AttachedFri[RecordedClient]":
+    def attach_recorded_client(self, file: Path | str) -> "AttachedFri[RecordedClient]":
         """Let the first FRI client of the capture ``file`` answer: what it said in each session state, one by one.
 
         The counters are those of this session; ``session.ended`` tells when the recording has nothing more to say.
@@ -134,13 +134,13 @@ class VirtualController:
         """
         release, sock = self._fri_client()
         try:
-            flow = fri_conversation(file, Wish(release))
-            return AttachedFri(self._world, RecordedClient(flow, packets_of(file)), sock)
+            flow = fri_conversation(Path(file), Wish(release))
+            return AttachedFri(self._world, RecordedClient(flow, packets_of(Path(file))), sock)
         except BaseException:
             sock.close()
             raise
 
-    def attach_recorded_application(self, file: Path) -> "AttachedApplication":
+    def attach_recorded_application(self, file: Path | str) -> "AttachedApplication":
         """Let the first servo application of the capture ``file`` speak: the same requests at the same times.
 
         ``session.over`` tells when it has nothing more to say. Raises :class:`UsageError` for a capture without one.
@@ -149,8 +149,8 @@ class VirtualController:
         if address is None or self.config.servo is None:
             raise UsageError("this controller has no servo link; it was configured with servo=None")
         codec = make_servo_codec(self.config.servo)
-        client, controller = servo_conversation(file, codec)
-        session = RecordedApplication(packets_of(file), client=client, controller=controller, codec=codec)
+        client, controller = servo_conversation(Path(file), codec)
+        session = RecordedApplication(packets_of(Path(file)), client=client, controller=controller, codec=codec)
         return AttachedApplication(self._world, session, self._world.connect(address))
 
     def _fri_client(self) -> tuple[Release, VirtualSocket]:
