@@ -43,9 +43,15 @@ def cycle(  # noqa: PLR0917  # typer makes the options of the parameters
     ] = ControlName.POSITION,
     mode: Annotated[Mode, typer.Option(help="Operation mode; T1 has two monitors more.")] = Mode.AUT,
     cycles: Annotated[int, typer.Option(min=100, help="Cycles to measure.")] = 20_000,
+    all_of_them: Annotated[
+        bool, typer.Option("--all", help="A table of every motion, control mode, release and simulated robot side.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Cost of one control cycle, whole and by stage, in virtual time with one client at 1 ms."""
+    if all_of_them:
+        _cycle_table(robot, cycles, as_json=as_json)
+        return
     from tools.bench.clients import OVERLAY_UNDER, BenchMotion
     from tools.bench.cycle import as_dict, bench_cycle
     from tools.bench.machine import machine
@@ -76,6 +82,29 @@ def cycle(  # noqa: PLR0917  # typer makes the options of the parameters
     table.add_row("whole cycle, measured without the stages", *_numbers(found["cycle_us"]))
     console.print(table)
     _print_bounds(console, report.bounds())
+
+
+def _cycle_table(robot: str, cycles: int, *, as_json: bool) -> None:
+    from tools.bench.cycle import as_dict
+    from tools.bench.cycle_table import BACKENDS, CASES, bench_table, bounds_of
+    from tools.bench.machine import machine
+
+    with _progress("cases", len(CASES) * len(BACKENDS)) as (bar, task):
+        rows = list(bench_table(robot, cycles=cycles, progress=lambda done: bar.update(task, advance=done)))
+    bounds = bounds_of(rows)
+    if as_json:
+        cases = [{"case": row.case, **as_dict(row.report)} for row in rows]
+        found = {"machine": machine(), "cases": cases, "bounds": [bound._asdict() for bound in bounds]}
+        typer.echo(json.dumps(found, indent=2))
+        return
+    console = Console()
+    _print_machine(console, machine())
+    table = Table("", "robot side", "p50 us", "p99 us", "max us", "virtual time", title=f"one cycle: {robot}")
+    for row in rows:
+        figures = _numbers(row.report.cycle.as_dict())
+        table.add_row(row.case, row.report.backend, *figures, f"{row.report.virtual_time_factor:.1f} x")
+    console.print(table)
+    _print_bounds(console, bounds)
 
 
 @app.command()
@@ -244,6 +273,44 @@ def servo(
         f"newer one, {paced.motion.received} received, {paced.motion.executed} executed, "
         f"{paced.motion.superseded} superseded, {paced.lost} lost"
     )
+    _print_bounds(console, report.bounds())
+
+
+@app.command()
+def answer(
+    robot: Robot = "lbr-iiwa-14-r820",
+    backend: Backend = "mujoco",
+    fri_version: FriVersion = Release.V1_15,
+    seconds: Annotated[float, typer.Option(min=2.0, help="Length of each of the two runs.")] = 30.0,
+    as_json: AsJson = False,
+) -> None:
+    """From a packet in the kernel to the interpolator, and to the packet that follows, on the FRI and servo links."""
+    from tools.bench.answer import bench_answer
+    from tools.bench.machine import machine
+
+    with _progress("seconds", 2 * seconds) as (bar, task):
+        report = bench_answer(
+            robot=robot,
+            backend=backend,
+            release=fri_version,
+            seconds=seconds,
+            progress=lambda done: bar.update(task, completed=done),
+        )
+    if as_json:
+        typer.echo(json.dumps({"machine": machine(), **report.as_dict()}, indent=2))
+        return
+    console = Console()
+    _print_machine(console, machine())
+    table = Table(
+        "", "p50 us", "p99 us", "max us", title=f"packet in, from the kernel's stamp: {robot}, {backend}, 1 ms"
+    )
+    for one in report.links:
+        table.add_row(f"{one.link}: to the interpolator", *_numbers(one.to_interpolator.as_dict()))
+        table.add_row("  of that waiting for the cycle, by design", *_numbers(one.waiting.as_dict()), style="dim")
+        table.add_row(f"{one.link}: to the packet out", *_numbers(one.to_packet_out.as_dict()))
+        table.add_row("  of that the controller's own, from when the cycle was due", *_numbers(one.own.as_dict()))
+        table.add_section()
+    console.print(table)
     _print_bounds(console, report.bounds())
 
 

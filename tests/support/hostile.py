@@ -12,7 +12,6 @@ from backends.robots import load_pinocchio
 from hil.core.controller import FRI_LINK
 from hil.core.model import ArmModel
 from hil.core.settings import FriSettings
-from hil.values.arm import JointCommand, seven
 from hil.values.fri import OperationMode, Release
 from hil.values.fri_messages import CommandData, CommandMessage, MonitoringMessage
 from hil.values.link import Address, Source
@@ -26,12 +25,11 @@ from hil.values.servo import (
     StopMotion,
     Vector,
 )
+from tests.support.laws import Laws
 from tests.support.servo_virtual import COMMANDER, OTHER, Application, ServoBench
 from tests.support.virtual import PEER, SOURCE, Client, RecordingBackend
 from transport.fri import FriCodec
 
-BRAKING_CYCLES: Final = 900
-"""Longest time from the moment nothing may move to standstill: from full axis velocity as rated, twice."""
 _NUMBERS: Final = (0.0, 1e-300, -1e308, math.nan, math.inf, -math.inf, 3.0, -3.0, 1e-9)
 _FACTORS: Final = (0.0, 1e-12, 0.1, 0.5, 1.0, 20.0, math.nan, 1e9)
 _MODEL_OF: Final[dict[str, ArmModel]] = {}
@@ -49,15 +47,12 @@ class Hostile:
         self.client = Client(FriCodec(Release.V1_15), amplitude_rad=0.0)
         self.client.change = self._spoilt
         self.application = Application(self.bench, watchdog_ms=100)
-        self.told_to_move = 0
+        self._laws = Laws(self.limits, self.model)
         self._drift = [0.0] * 7
         self._drift_speed = [0.0] * 7
         self._quiet_until = 0
-        self._checked = 0
         self._cycle = 0
-        self._not_running = 0
         self._fri_heard = 0
-        self._before: JointCommand | None = None
 
     def run(self, cycles: int) -> None:
         """Let so many cycles pass in which anything may happen."""
@@ -165,34 +160,13 @@ class Hostile:
         controller = self.bench.controller
         monitors = controller._safety.monitors
         for command in arm.commands:
-            before, self._before = self._before, command
-            assert math.isfinite(sum(map(sum, command[:3]))), command
-            for axis, position in enumerate(command.position_rad):
-                low, high = self.limits.position_min_rad[axis], self.limits.position_max_rad[axis]
-                assert low - 1e-9 <= position <= high + 1e-9, (axis, position)
-                fastest = self.limits.velocity_rad_s[axis]
-                assert abs(command.velocity_rad_s[axis]) <= fastest * (1 + 1e-6), (axis, command.velocity_rad_s)
-                if before is not None:
-                    step = abs(position - before.position_rad[axis])
-                    assert step <= fastest * 1e-3 * (1 + 1e-5), (axis, step)
-            if monitors.t1:
-                speed = self.model.flange_speed_mm_s(command.position_rad, command.velocity_rad_s)
-                assert speed <= 250.0, speed
-                if before is not None:
-                    steps = zip(before.position_rad, command.position_rad, strict=True)
-                    rate = seven([(there - here) * 1e3 for here, there in steps])
-                    # At the end of the step the arm is turned a little from where it began.
-                    assert self.model.flange_speed_mm_s(command.position_rad, rate) <= 250.0 * (1 + 2e-3)
-            if before is not None and command.position_rad != before.position_rad:
-                self.told_to_move += 1
-            self._stands_when_it_must(command, before)
+            self._laws.check(command, t1=monitors.t1, running=controller.operator.program is ProgramState.RUNNING)
         arm.commands.clear()
 
-    def _stands_when_it_must(self, command: JointCommand, before: JointCommand | None) -> None:
-        running = self.bench.controller.operator.program is ProgramState.RUNNING
-        self._not_running = 0 if running else self._not_running + 1
-        if self._not_running > BRAKING_CYCLES and before is not None:
-            assert command.position_rad == before.position_rad, "an arm that may not move moves"
+    @property
+    def told_to_move(self) -> int:
+        """How many commands moved the arm."""
+        return self._laws.moved
 
     def _spoilt(self, command: CommandMessage, _message: MonitoringMessage) -> CommandMessage:
         data = command.command

@@ -13,7 +13,8 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 from backends.robots import robot_names
 from hil.values.fri import OperationMode
 from hil.values.operator import PadKey, Press, ProgramState
-from tests.support.hostile import BRAKING_CYCLES, Hostile
+from tests.support.hostile import Hostile
+from tests.support.laws import BRAKING_CYCLES
 
 STORIES = int(os.environ.get("HIL_SOAK_STORIES", "40"))
 """For each mode and link; each of them has some hundred commands."""

@@ -3,6 +3,9 @@
 from typing import NamedTuple
 
 CYCLE_MEDIAN_US = 60.0
+BOTH_LINKS_MEDIAN_US = 45.0
+"""Of one cycle with MuJoCo, FRI link and servo link (issue "Faster than its peers")."""
+BOTH_LINKS_P99_US = 90.0
 MONITORS_US = 15.0
 """Of all monitors together (issue "Safety and admission")."""
 VIRTUAL_TIME_FACTOR = 15.0

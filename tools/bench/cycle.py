@@ -44,6 +44,10 @@ class Distribution:
         p50, p99, largest = np.quantile(np.array(samples_ns, dtype=np.float64), (0.5, 0.99, 1.0)) / 1000
         return Distribution(round(float(p50), 2), round(float(p99), 2), round(float(largest), 1))
 
+    def as_dict(self) -> dict[str, float]:
+        """Return it for JSON."""
+        return {"p50": self.p50_us, "p99": self.p99_us, "max": self.max_us}
+
 
 @dataclass(frozen=True, slots=True)
 class CycleReport:
@@ -169,6 +173,21 @@ def bench_cycle(
     whole = _measure_whole(config, recording, client, progress)
     stages = _measure_stages(config, recording, client, progress)
     gc.unfreeze()
+    return _report(config, motion, whole, stages)
+
+
+def measure_whole(config: RobotConfig, *, motion: BenchMotion, cycles: int) -> CycleReport:
+    """Measure ``cycles`` cycles as a whole; the report has no stages."""
+    client = recorded_client(config, motion)
+    whole = _measure_whole(config, _record(config, client, cycles), client, lambda _: None)
+    gc.unfreeze()
+    return _report(config, motion, whole, {})
+
+
+def _report(
+    config: RobotConfig, motion: BenchMotion, whole: Sequence[int], stages: dict[str, list[int]]
+) -> CycleReport:
+    cycles = len(whole)
     return CycleReport(
         robot=config.model,
         backend=config.backend,
@@ -247,12 +266,8 @@ def as_dict(report: CycleReport) -> dict[str, Any]:
         "release": report.release,
         "control": report.control,
         "cycles": report.cycles,
-        "cycle_us": _figures(report.cycle),
-        "stages_us": {name: _figures(stage) for name, stage in report.stages.items()},
+        "cycle_us": report.cycle.as_dict(),
+        "stages_us": {name: stage.as_dict() for name, stage in report.stages.items()},
         "virtual_time_factor": report.virtual_time_factor,
         "bounds": [bound._asdict() for bound in report.bounds()],
     }
-
-
-def _figures(distribution: Distribution) -> dict[str, float]:
-    return {"p50": distribution.p50_us, "p99": distribution.p99_us, "max": distribution.max_us}

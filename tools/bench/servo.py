@@ -111,13 +111,14 @@ class ServoReport:
 
 def bench_servo(*, robot: str, backend: str, seconds: float, progress: Callable[[float], None]) -> ServoReport:
     """Do both runs, ``seconds`` each; ``progress`` is told the seconds done."""
-    with _controller(robot, backend) as address:
-        answered = _one_after_the_other(address, seconds, progress)
+    with servo_controller(robot, backend) as address:
+        answered = one_after_the_other(address, seconds, progress)
         paced = asyncio.run(_a_thousand_a_second(address, seconds, lambda done: progress(seconds + done)))
     return ServoReport(robot, backend, answered, paced)
 
 
-def _one_after_the_other(address: str, seconds: float, progress: Callable[[float], None]) -> Answered:
+def one_after_the_other(address: str, seconds: float, progress: Callable[[float], None]) -> Answered:
+    """Set a destination, wait for the answer, and so on, for ``seconds``."""
     to_interpolator, call = Histogram(), Histogram()
     with ServoClient(address, name="bench", state_period_ms=10) as client:
         motion = SmartServo().set_timeout_after_goal_reach(3600)
@@ -188,11 +189,11 @@ def _accounts(motion: MotionState) -> dict[str, int]:
 
 
 @contextmanager
-def _controller(robot: str, backend: str) -> Iterator[str]:
+def servo_controller(robot: str, backend: str, *more: str) -> Iterator[str]:
     """Run ``hil run`` with the ideal reaction time; yield where applications connect to."""
     arguments = ["run", "--robot", robot, "--backend", backend, "--servo", "127.0.0.1:0", "--reaction", "ideal"]
     process = subprocess.Popen(
-        [sys.executable, "-m", "hil.cli.main", *arguments, "--fri-client", "127.0.0.1:9", "--progress", "0"],
+        [sys.executable, "-m", "hil.cli.main", *arguments, "--fri-client", "127.0.0.1:9", "--progress", "0", *more],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
