@@ -115,6 +115,7 @@ def rate(  # noqa: PLR0917  # typer makes the options of the parameters
     seconds: Annotated[float, typer.Option(min=2.0, help="Length of the run.")] = 60.0,
     capture: Annotated[bool, typer.Option("--capture", help="Record all packets meanwhile.")] = False,
     realtime: Annotated[bool, typer.Option("--realtime", help="Ask for real-time scheduling.")] = False,
+    load: Annotated[bool, typer.Option("--load", help="With the last core kept busy.")] = False,
     view: Annotated[bool, typer.Option("--view", help="Compare runs with the live view with runs without it.")] = False,
     repeats: Annotated[int, typer.Option(min=1, max=50, help="With --view: runs of each kind, in turn.")] = 3,
     as_json: AsJson = False,
@@ -123,8 +124,8 @@ def rate(  # noqa: PLR0917  # typer makes the options of the parameters
     from tools.bench.machine import machine
 
     if view:
-        if capture:
-            raise ConfigurationError("--view compares pacing: it does not go with --capture")
+        if capture or load:
+            raise ConfigurationError("--view compares pacing: it does not go with --capture or --load")
         _rate_view(robot, backend, fri_version, seconds, repeats, realtime=realtime, as_json=as_json)
         return
     from tools.bench.rate import bench_rate
@@ -137,6 +138,7 @@ def rate(  # noqa: PLR0917  # typer makes the options of the parameters
             seconds=seconds,
             capture=capture,
             realtime=realtime,
+            load=load,
             progress=lambda done: bar.update(task, completed=done),
         )
     figures = report.robot
@@ -419,16 +421,19 @@ def chain(  # noqa: PLR0917  # typer makes the options of the parameters
 
 
 @app.command()
-def arms(
+def arms(  # noqa: PLR0917  # typer makes the options of the parameters
     robot: Robot = "lbr-iiwa-14-r820",
     backend: Backend = "mujoco",
     seconds: Annotated[float, typer.Option(min=2.0, help="Length of each run.")] = 20.0,
+    listening: Annotated[bool, typer.Option("--listening", help="FRI clients only listen: no answers.")] = False,
+    capture: Annotated[bool, typer.Option("--capture", help="Record all packets meanwhile.")] = False,
+    load: Annotated[bool, typer.Option("--load", help="With the last core kept busy.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """How many arms keep 1 kHz: 1, 2, 4 and 8 of them in one process, and 8 in two."""
+    """How many arms keep 1 kHz: 1, 2, 4 and 8 of them in one process, and 8 in two; an FRI client commands each."""
     from dataclasses import asdict
 
-    from tools.bench.arms import bench_arms, bounds_of
+    from tools.bench.arms import Beside, bench_arms, bounds_of
     from tools.bench.machine import machine
 
     setups = ((1, 1), (2, 1), (4, 1), (8, 1), (8, 2))
@@ -438,6 +443,7 @@ def arms(
             robot=robot,
             backend=backend,
             seconds=seconds,
+            beside=Beside(listening=listening, capture=capture, load=load),
             progress=lambda done: bar.update(task, completed=done),
         )
     bounds = bounds_of(reports)
@@ -449,7 +455,8 @@ def arms(
     console = Console()
     _print_machine(console, machine())
     table = Table(
-        "arms", "processes", "Hz", "lateness p99, us", "missed, %", "cycle p50, us", "", title="the worst arm"
+        *("arms", "processes", "Hz", "lateness p99, us", "missed, %", "cycle p50, us", "commanded to the end", ""),
+        title="the worst arm",
     )
     for report in reports:
         table.add_row(
@@ -459,6 +466,7 @@ def arms(
             f"{report.lateness_p99_us:.0f}",
             f"{report.missed_percent:.3f}",
             f"{report.cycle_p50_us:.0f}",
+            str(report.commanding),
             "keeps pace" if report.keeps_pace else "[red]does not[/red]",
         )
     console.print(table)
@@ -573,6 +581,35 @@ def kst(
         f"{report.robot['lateness_us']['p99']:.0f} us, {report.robot['missed_cycles']} cycles missed"
     )
     _print_bounds(console, bounds)
+
+
+@app.command()
+def campaign(
+    backend: Backend = "mujoco",
+    seeds: Annotated[int, typer.Option(min=1, help="Four scenarios of each seed.")] = 25,
+    workers: Annotated[list[int] | None, typer.Option(min=1, help="Worker processes; may repeat. 1 and 2.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Scenarios a minute that hil campaign plays, with one worker and with two."""
+    from tools.bench.campaign import bench_campaign
+    from tools.bench.machine import machine
+
+    counts = workers or [1, 2]
+    with _progress("scenarios", 4 * seeds * len(counts)) as (bar, task):
+        report = bench_campaign(
+            backend=backend, seeds=seeds, workers=counts, progress=lambda done: bar.update(task, advance=done)
+        )
+    if as_json:
+        typer.echo(json.dumps({"machine": machine(), **report.as_dict()}, indent=2))
+        return
+    console = Console()
+    _print_machine(console, machine())
+    table = Table("workers", "scenarios", "s", "scenarios a minute", "virtual time", title=f"campaign: {backend}")
+    for run in report.runs:
+        figures = f"{run.seconds:.1f}", f"{run.per_minute:.0f}", f"{run.factor:.1f} x"
+        table.add_row(str(run.workers), str(run.scenarios), *figures)
+    console.print(table)
+    _print_bounds(console, report.bounds())
 
 
 @app.command()

@@ -62,6 +62,7 @@ class RobotProcess:
         number: int = 0,
         say: Callable[[str], None] = lambda _line: None,
         surroundings: Surroundings | None = None,
+        after_cycle: Callable[[int], None] | None = None,
     ) -> None:
         self.config = config
         self.addresses = addresses
@@ -78,6 +79,8 @@ class RobotProcess:
         self._first_message: FirstMessage | None = None
         self._say = say
         self._surroundings = surroundings
+        self._after_cycle = after_cycle
+        """Told how many cycles there were, between each and the next."""
         self._ports: dict[str, Port] = {}
         self._stopping = asyncio.Event()
         self._drives = DriveState.ACTIVE
@@ -313,6 +316,8 @@ class RobotProcess:
                 if isinstance(event, DrivesChanged):
                     self._drives = event.state
                 self._tell(self.config.name, event)
+            if self._after_cycle is not None:
+                self._after_cycle(self.controller.ticks)
 
     async def _one_cycle(self, due_ns: int, lateness_ns: int) -> None:
         before_ns = elapsed_ns()

@@ -1,7 +1,6 @@
 """Run a station: open everything, serve until asked to stop, close everything, report."""
 
 import asyncio
-import gc
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,6 +13,7 @@ from hil.core.events import Event
 from hil.core.servo.link import SERVO_LINK
 from hil.runtime.assembly import link_addresses, robot_description
 from hil.runtime.console import Console
+from hil.runtime.garbage import Garbage, no_automatic_collection
 from hil.runtime.lifetime import check_result_file, repeated, stop_on_signals, write_result_file
 from hil.runtime.measurements import RunMeasurements
 from hil.runtime.operator_channel import OperatorChannel
@@ -73,6 +73,7 @@ class _Run:
         self._probe: TcpProbe | None = None
         self._view: ViewProcess | None = None
         self._epoch_ns = 0
+        self._garbage = Garbage()
         self._surroundings = station.surroundings()
 
     async def run(self) -> RunResult:
@@ -103,7 +104,8 @@ class _Run:
             if self._pad is not None:
                 await self._pad.serve()
             self._say_start()
-            fault = await self._serve()
+            with no_automatic_collection():
+                fault = await self._serve()
         finally:
             if self._probe is not None:
                 self._probe.close()
@@ -128,6 +130,8 @@ class _Run:
             on_fault=self._stop,
             say=self._console.say,
             surroundings=self._surroundings,
+            # One robot's cycles count the time for all.
+            after_cycle=self._garbage.between_cycles if number == 0 else None,
         )
 
     def _open_captures(self) -> "Captures | None":
@@ -191,8 +195,6 @@ class _Run:
 
     def _start(self) -> None:
         """Give all robots their time axes, spread over one millisecond so that their cycles do not collide."""
-        gc.collect()
-        gc.freeze()
         self._epoch_ns = self._clock.now_ns() + START_DELAY_NS
         unix_epoch_ns = unix_time_ns() + START_DELAY_NS
         for index, robot in enumerate(self._robots):
@@ -256,6 +258,7 @@ class _Run:
             "software": SOFTWARE,
             "fault": fault,
             "realtime": [wish._asdict() for wish in self._wishes],
+            "garbage_collections": self._garbage.report(),
             "capture": capture,
             "pad": None if self._pad is None else self._pad.report(),
             "tcp_probe": None if self._probe is None else self._probe.report(),

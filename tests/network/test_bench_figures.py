@@ -3,7 +3,7 @@
 import json
 
 from tests.support.processes import finish, hil
-from tools.bench.arms import ArmsReport, bench_arms, bounds_of
+from tools.bench.arms import ArmsReport, Beside, bench_arms, bounds_of
 from tools.bench.memory import SAMPLES, MemoryReport
 from tools.bench.start import StartReport
 
@@ -40,12 +40,15 @@ def test_bench_memory_measures_what_stays_resident() -> None:
 
 def test_bench_arms_measures_the_worst_arm_of_all_processes() -> None:
     told: list[float] = []
-    [report] = bench_arms(((3, 2),), robot="lbr-iiwa-7-r800", backend="ideal", seconds=1.0, progress=told.append)
+    [report] = bench_arms(
+        ((3, 2),), robot="lbr-iiwa-7-r800", backend="ideal", seconds=1.0, beside=Beside(load=True), progress=told.append
+    )
     assert (report.arms, report.processes) == (3, 2)
     assert report.rate_hz > 500.0
     assert report.cycle_p50_us > 5.0
+    assert 0 <= report.commanding <= 3
     assert told
-    four = ArmsReport(4, 1, rate_hz=999.98, lateness_p99_us=150.0, missed_percent=0.2, cycle_p50_us=50.0)
+    four = ArmsReport(4, 1, rate_hz=999.98, lateness_p99_us=150.0, missed_percent=0.2, cycle_p50_us=50.0, commanding=4)
     assert not four.keeps_pace
     assert [bound.kept for bound in bounds_of([report, four])] == [True, False, True]
 

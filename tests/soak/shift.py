@@ -26,7 +26,7 @@ from hil.testkit import _world
 from hil.testkit.controller import VirtualController
 from hil.values.arm import JointCommand
 from hil.values.errors import HilError
-from hil.values.fri import DriveState, OperationMode, SessionState
+from hil.values.fri import OperationMode, SessionState
 from hil.values.operator import PadKey, Press, ProgramState, SelectMode, SetOverride
 from tests.support.laws import Laws
 
@@ -40,7 +40,6 @@ MOST_UNHEARD: Final = 3
 """Applications in a row that get no session; then the network is repaired."""
 PATIENCE_S: Final = 15.0
 """Of the operator with a program that does nothing, or takes long."""
-_ACTIVE: Final = {DriveState.ACTIVE}
 
 
 @dataclass
@@ -67,13 +66,16 @@ def lawful(laws: "list[Laws]", where: dict[str, VirtualController]) -> Iterator[
         law = Laws(parts.description.limits, ArmModel(load_pinocchio(config.model)))
         laws.append(law)
         write = parts.backend.write
+        hung = [True]
 
         def checked(command: JointCommand) -> None:
             controller = where.get("controller")
             if controller is not None:
                 core = controller._world.core
                 # Without drives the set point follows the arm, which hangs in its brakes.
-                may = core.operator.program is ProgramState.RUNNING or set(core.arm.drive_states) != _ACTIVE
+                drives = core._safety.drives
+                off, hung[0] = hung[0], drives.dropped or not drives.hold
+                may = core.operator.program is ProgramState.RUNNING or off or hung[0]
                 law.check(command, t1=core._safety.monitors.t1, running=may)
             write(command)
 

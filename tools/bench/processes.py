@@ -1,8 +1,10 @@
 """Processes of ours that a benchmark starts."""
 
+import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from hil.values.errors import EndpointError
 
@@ -28,3 +30,15 @@ def wait_for_end(process: "subprocess.Popen[bytes]", at_most_s: float, progress:
     process.kill()
     process.wait()
     raise EndpointError(f"{process.args!r} did not end within {at_most_s:g} s")
+
+
+@contextmanager
+def burning_core() -> Iterator[None]:
+    """Keep the last core of this machine busy until the block ends."""
+    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else [0]
+    process = start_process("tools.bench.burn", cores[-1])
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()

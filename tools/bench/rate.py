@@ -3,6 +3,7 @@
 import json
 import tempfile
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from tools.bench.bounds import (
     at_most,
     near,
 )
-from tools.bench.processes import start_process, wait_for_end
+from tools.bench.processes import burning_core, start_process, wait_for_end
 from tools.bench.start import start_to_first_packet
 from transport.udp import free_port
 
@@ -52,10 +53,13 @@ def bench_rate(
     seconds: float,
     capture: bool,
     realtime: bool,
+    load: bool = False,
     progress: Callable[[float], None],
 ) -> RateReport:
-    """Run controller and client for ``seconds`` after the client's first packet."""
-    with tempfile.TemporaryDirectory(prefix="fri-hil-bench-") as folder:
+    """Run controller and client for ``seconds`` after the client's first packet; ``load``: with a busy last core."""
+    with tempfile.TemporaryDirectory(prefix="fri-hil-bench-") as folder, ExitStack() as stack:
+        if load:
+            stack.enter_context(burning_core())
         status, result = Path(folder, "status.json"), Path(folder, "client.json")
         first_s = start_to_first_packet(robot=robot, backend=backend, release=release)
         port = free_port(_HOST)
