@@ -59,14 +59,14 @@ bench: setup
 	$(BIN)/hil bench cycle
 	$(BIN)/hil bench rate
 
-# Other simulators, in an environment of their own: their dependencies are none of ours, and no test needs them.
+# Other simulators, in environments of their own: their dependencies are none of ours, and no test needs them.
 PEERS := .venv-peers
-bench-peers: setup $(PEERS)/.installed
+bench-peers: setup $(PEERS)/franky-sim/.installed $(PEERS)/franka-sim/.installed
 	$(BIN)/hil bench peers $(PEERS_ARGUMENTS)
 
-$(PEERS)/.installed: tools/bench/peers/constraints.txt
-	$(PYTHON) -m venv $(PEERS)
-	PIP_CONSTRAINT=$(CURDIR)/$< $(PEERS)/bin/python -m pip install --quiet franky-sim
+$(PEERS)/%/.installed: tools/bench/peers/%.txt
+	$(PYTHON) -m venv $(@D)
+	PIP_CONSTRAINT=$(CURDIR)/$< $(@D)/bin/python -m pip install --quiet $*
 	@touch $@
 
 # Generated files that are committed; tests compare them with what these commands write.

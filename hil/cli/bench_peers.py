@@ -21,21 +21,24 @@ def peers(  # noqa: PLR0917  # typer makes the options of the parameters
     cycles: Annotated[int, typer.Option(min=100, help="Cycles of each repeat.")] = 10_000,
     seconds: Annotated[float, typer.Option(min=2.0, help="Length of each state stream.")] = 15.0,
     repeats: Annotated[int, typer.Option(min=1, max=50, help="Of everything, in turn with the peer's.")] = 3,
-    environment: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Environment of the peers; .venv-peers of this project.")
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            "--environments", metavar="FOLDER", help="Environments of the peers; .venv-peers of this project."
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
-    """Beside franky-sim on the same work: a cycle with a MuJoCo arm, the state stream at 1 kHz, virtual time."""
+    """Beside franky-sim and franka-sim, same work: a cycle with a MuJoCo arm, state stream at 1 kHz, virtual time."""
     from tools.bench.machine import machine
     from tools.bench.peers.compare import bench_peers, steps
-    from tools.bench.peers.environment import FOLDER, PeerEnvironment
+    from tools.bench.peers.environment import FOLDER, environments
 
-    theirs = PeerEnvironment(FOLDER if environment is None else environment)
+    theirs = environments(FOLDER if folder is None else folder)
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("starting", total=steps(repeats))
         report = bench_peers(
-            environment=theirs,
+            environments=theirs,
             robot=robot,
             release=fri_version,
             cycles=cycles,
@@ -47,7 +50,7 @@ def peers(  # noqa: PLR0917  # typer makes the options of the parameters
         typer.echo(json.dumps({"machine": machine(), **report.as_dict()}, indent=2))
         return
     console = Console()
-    for whose, facts in (("", machine()), ("peers: ", report.peer_versions)):
+    for whose, facts in (("", machine()), *((f"{name}: ", found) for name, found in report.peer_versions.items())):
         said = ", ".join(f"{name} {value}" for name, value in facts.items())
         console.print(whose + said, style="dim", highlight=False)
     _print(console, report, robot=robot)

@@ -10,11 +10,11 @@ import pytest
 
 from hil.values.errors import ConfigurationError, EndpointError
 from tools.bench.peers import franka_wire
-from tools.bench.peers.compare import BARE, COMMANDS, FRANKY, LISTENS, LOOP, OURS, PeersReport, Simulator, steps
-from tools.bench.peers.environment import PeerEnvironment
+from tools.bench.peers.compare import BARE, COMMANDS, LISTENS, LOOP, OURS, SIMULATORS, PeersReport, Simulator, steps
+from tools.bench.peers.environment import FRANKA, FRANKY, environments
 from tools.bench.peers.figures import Cycles, Quantiles, Stream, cycles_of, stream_of
 from tools.bench.peers.sine import AMPLITUDE_RAD, AXIS, with_sine
-from tools.bench.peers.table import rows, spread
+from tools.bench.peers.table import DIFFERENCES, rows, spread
 
 MS = 1_000_000
 
@@ -72,14 +72,15 @@ def test_virtual_time_is_by_the_mean_of_all_cycles_and_not_by_the_median() -> No
 
 def report(repeats: int) -> PeersReport:
     simulators = {}
-    for name, slower in ((OURS, 1.0), (FRANKY, 3.0)):
+    for name, slower in ((OURS, 1.0), (FRANKY, 3.0), (FRANKA, 2.0)):
         runs = range(repeats)
         cycles = [Cycles(Quantiles(40.0 * slower + run, 90.0, 95.0, 100.0), 20.0 / slower) for run in runs]
         stream = Stream(1000, 0, 1000.0 / slower, *(Quantiles(1.0, 2.0, 3.0, 4.0),) * 2, 0.5, 388, 0.25)
         simulators[name] = Simulator(
-            {BARE: cycles, LOOP: cycles}, {LISTENS: [stream] * repeats, COMMANDS: [stream] * repeats}
+            {BARE: cycles, LOOP: [] if name == FRANKA else cycles},
+            {LISTENS: [stream] * repeats, COMMANDS: [stream] * repeats},
         )
-    return PeersReport(1000, 2.0, repeats, {"franky-sim": "1.0.4"}, simulators)
+    return PeersReport(1000, 2.0, repeats, {FRANKY: {"mujoco": "4.0.0"}}, simulators)
 
 
 def test_the_table_has_ours_beside_theirs() -> None:
@@ -88,14 +89,25 @@ def test_the_table_has_ours_beside_theirs() -> None:
     assert len(headings) == 4
     first = table[1]
     assert first.label == "one cycle, p50 us"
-    assert first.cells == ("41.0 (40.0 .. 42.0)", "121.0 (120.0 .. 122.0)")
+    assert first.cells == ("41.0 (40.0 .. 42.0)", "121.0 (120.0 .. 122.0)", "81.0 (80.0 .. 82.0)")
     [*_, listens, commands] = [row for row in table if row.label == "rate, Hz"]
-    assert listens.cells == commands.cells == ("1000.00 (1000.00 .. 1000.00)", "333.33 (333.33 .. 333.33)")
+    assert (
+        listens.cells
+        == commands.cells
+        == ("1000.00 (1000.00 .. 1000.00)", "333.33 (333.33 .. 333.33)", "500.00 (500.00 .. 500.00)")
+    )
 
 
 def test_one_repeat_has_no_spread() -> None:
     assert spread([12.34], 1) == "12.3"
-    assert rows(report(repeats=1))[1].cells == ("40.0", "120.0")
+    assert rows(report(repeats=1))[1].cells == ("40.0", "120.0", "80.0")
+
+
+def test_what_a_simulator_cannot_do_is_an_empty_cell_and_told_in_words() -> None:
+    table = rows(report(repeats=1))
+    with_sockets = [row.label for row in table].index("the same with sockets and a client over loopback")
+    assert table[with_sockets + 1].cells == ("40.0", "120.0", "-")
+    assert any(f"{FRANKA} serves in real time only" in sentence for sentence in DIFFERENCES)
 
 
 def test_json_has_every_run() -> None:
@@ -106,12 +118,12 @@ def test_json_has_every_run() -> None:
 
 
 def test_everything_is_measured_in_turn() -> None:
-    assert steps(3) == 3 * 3 * 2
+    assert steps(3) == 3 * 3 * len(SIMULATORS)
 
 
 def test_without_its_environment_the_sentence_names_the_command_that_makes_it(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="make bench-peers"):
-        PeerEnvironment(tmp_path)
+        environments(tmp_path)
 
 
 def test_a_connect_request_is_framed_as_libfranka_frames_it() -> None:
@@ -138,6 +150,19 @@ def test_a_command_carries_the_position_where_the_robot_server_reads_it() -> Non
     assert len(command) == 8 + 8 * (7 + 7 + 16 + 6 + 2) + 2 + 8 * 7 + 1
     assert struct.unpack_from("<Q7d", command) == (42, *position_rad)
     assert not any(command[8 + 8 * 7 :])
+
+
+def test_an_answer_carries_the_number_of_its_state() -> None:
+    # A simulator that keeps count of answers takes any other number for a lost cycle, and waits for the right one.
+    state = struct.pack("<Q", 4711) + bytes(1369)
+    assert franka_wire.state_counter(franka_wire.position_answer(state, (0.0,) * 7)) == 4711
+
+
+def test_the_measured_position_is_found_in_a_state() -> None:
+    before = 6 * 16 + (1 + 9 + 3) * 2 + 2 + 2 + 7 + 7 + 7
+    values = [float(number) for number in range(before + 7)]
+    state = struct.pack(f"<Q{len(values)}f", 1, *values)
+    assert franka_wire.measured_position_rad(state) == tuple(values[before:])
 
 
 def test_the_sine_moves_one_axis_from_where_the_arm_stands() -> None:

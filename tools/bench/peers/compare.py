@@ -9,8 +9,8 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -18,13 +18,13 @@ from typing import Any, Final
 from hil.values.errors import EndpointError
 from hil.values.fri import Release
 from tools.bench.cycle import WARM_UP_CYCLES
-from tools.bench.peers.environment import PeerEnvironment
+from tools.bench.peers.environment import FRANKA, FRANKY, PEERS, PeerEnvironment
 from tools.bench.peers.figures import Cycles, Stream, cycles_of, stream_of
-from tools.bench.peers.servers import Server, franky_server, our_server, run_client
+from tools.bench.peers.servers import ARM_VARIABLE, Server, franka_server, franky_server, our_server, run_client
 from transport.child import module_environment
 
 OURS: Final = "fri-hil"
-FRANKY: Final = "franky-sim"
+SIMULATORS: Final = (OURS, *PEERS)
 BARE: Final = "bare"
 """Cycles from the bytes of a command to the bytes of a state, no sockets."""
 LOOP: Final = "loop"
@@ -33,6 +33,7 @@ LISTENS: Final = "listens"
 COMMANDS: Final = "commands"
 SETTLE_S: Final = 4.0
 """Of each stream, not measured; an FRI session is commanding by then."""
+_LOOP_MODULES: Final = {FRANKY: "tools.bench.peers.franky_loop", FRANKA: "tools.bench.peers.franka_loop"}
 _LOOPS_S: Final = 600.0
 _START_AND_END_S: Final = 60.0
 
@@ -54,7 +55,7 @@ class PeersReport:
     seconds: float
     """Of each repeat of each stream."""
     repeats: int
-    peer_versions: dict[str, str]
+    peer_versions: dict[str, dict[str, str]]
     simulators: dict[str, Simulator]
 
     def as_dict(self) -> dict[str, Any]:
@@ -70,7 +71,7 @@ class _Step:
 
 def bench_peers(
     *,
-    environment: PeerEnvironment,
+    environments: Mapping[str, PeerEnvironment],
     robot: str,
     release: Release,
     cycles: int,
@@ -83,19 +84,25 @@ def bench_peers(
     Raises :class:`EndpointError` where a simulator does not do what it should.
     """
     report = PeersReport(
-        cycles, seconds, repeats, environment.versions(), {name: Simulator() for name in (OURS, FRANKY)}
+        cycles,
+        seconds,
+        repeats,
+        {peer: environment.versions() for peer, environment in environments.items()},
+        {name: Simulator() for name in SIMULATORS},
     )
     with tempfile.TemporaryDirectory(prefix="fri-hil-bench-") as folder:
-        out = Path(folder, "found.json")
+        out, arm = Path(folder, "found.json"), Path(folder, "fr3.xml")
+        arm.write_text(environments[FRANKY].arm(), encoding="utf-8")
+        starter = _Starter(environments, robot, release, arm)
         for done, step in enumerate(_steps(repeats)):
             progress(done, f"{step.simulator}: {step.what}")
             found = report.simulators[step.simulator]
             if step.what == LOOP:
-                _loops(step.simulator, environment, robot, release, cycles, out)
+                starter.run_loops(step.simulator, cycles, out)
                 for kind, measured in json.loads(out.read_text(encoding="utf-8")).items():
                     found.cycles[kind].append(cycles_of(measured["samples_ns"]))
             else:
-                with _server(step.simulator, environment, robot, release) as server:
+                with starter.server(step.simulator) as server:
                     run_client(
                         server,
                         *("--out", out, "--seconds", seconds, "--settle", SETTLE_S),
@@ -114,26 +121,46 @@ def steps(repeats: int) -> int:
 def _steps(repeats: int) -> Iterator[_Step]:
     for _ in range(repeats):
         for what in (LOOP, LISTENS, COMMANDS):
-            for simulator in (OURS, FRANKY):
+            for simulator in SIMULATORS:
                 yield _Step(simulator, what)
 
 
-def _loops(  # noqa: PLR0917
-    simulator: str, environment: PeerEnvironment, robot: str, release: Release, cycles: int, out: Path
-) -> None:
-    if simulator == OURS:
-        command = [sys.executable, "-m", "tools.bench.peers.our_loop", "--robot", robot, "--fri-version", release]
-    else:
-        command = [str(environment.python), "-m", "tools.bench.peers.franky_loop", "--warm-up", str(WARM_UP_CYCLES)]
-    command += ["--cycles", str(cycles), "--out", str(out)]
-    ran = subprocess.run(
-        command, check=False, capture_output=True, text=True, timeout=_LOOPS_S, env=module_environment()
-    )
-    if ran.returncode:
-        raise EndpointError(f"the cycles of {simulator} failed: {(ran.stderr.strip() or 'silently')[-500:]}")
+@dataclass(frozen=True, slots=True)
+class _Starter:
+    """Starts each simulator, for its loops and as a server."""
 
+    environments: Mapping[str, PeerEnvironment]
+    robot: str
+    release: Release
+    arm: Path
 
-def _server(
-    simulator: str, environment: PeerEnvironment, robot: str, release: Release
-) -> AbstractContextManager[Server]:
-    return our_server(robot=robot, release=release) if simulator == OURS else franky_server(environment)
+    def run_loops(self, simulator: str, cycles: int, out: Path) -> None:
+        """Measure cycles as fast as they go, in a process of their own."""
+        if simulator == OURS:
+            command = [sys.executable, "-m", "tools.bench.peers.our_loop"]
+            command += ["--robot", self.robot, "--fri-version", self.release]
+        else:
+            command = [str(self.environments[simulator].python), "-m", _LOOP_MODULES[simulator]]
+            command += ["--warm-up", str(WARM_UP_CYCLES)]
+        ran = subprocess.run(
+            [*command, "--cycles", str(cycles), "--out", str(out)],
+            check=False,
+            capture_output=True,
+            text=True,
+            timeout=_LOOPS_S,
+            env={**module_environment(), ARM_VARIABLE: str(self.arm)},
+        )
+        if ran.returncode:
+            raise EndpointError(f"the cycles of {simulator} failed: {(ran.stderr.strip() or 'silently')[-500:]}")
+
+    @contextmanager
+    def server(self, simulator: str) -> Iterator[Server]:
+        """Run it as a server while the block lasts."""
+        if simulator == OURS:
+            running = our_server(robot=self.robot, release=self.release)
+        elif simulator == FRANKY:
+            running = franky_server(self.environments[FRANKY])
+        else:
+            running = franka_server(self.environments[FRANKA], arm=self.arm)
+        with running as server:
+            yield server

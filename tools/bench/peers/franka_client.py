@@ -64,6 +64,4 @@ class FrankaClient:
         if self._start_rad is None:
             self._start_rad = franka_wire.measured_position_rad(state)
         self._cycles += 1
-        return franka_wire.position_command(
-            franka_wire.state_counter(state) + 1, with_sine(self._start_rad, self._cycles)
-        )
+        return franka_wire.position_answer(state, with_sine(self._start_rad, self._cycles))

@@ -69,8 +69,13 @@ def measured_position_rad(state: bytes) -> tuple[float, ...]:
     return _POSITION.unpack_from(state, _POSITION_AT)
 
 
+def position_answer(state: bytes, position_rad: tuple[float, ...]) -> bytes:
+    """Return the command that answers ``state``: it carries that state's number, or it would count as a late one."""
+    return position_command(state_counter(state), position_rad)
+
+
 def position_command(counter: int, position_rad: tuple[float, ...]) -> bytes:
-    """Return the command that answers state ``counter`` with joint positions."""
+    """Return the command that answers the state numbered ``counter`` with joint positions."""
     return _COMMAND.pack(
         counter,
         *position_rad,

@@ -1,12 +1,15 @@
 """The simulators as servers of a state stream at 1 kHz: each started as its user starts it."""
 
+import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+import threading
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import IO, Final, NamedTuple
 
 from hil.values.errors import EndpointError
 from hil.values.fri import Release
@@ -16,8 +19,11 @@ from transport.child import module_environment
 from transport.udp import free_port
 
 _HOST: Final = "127.0.0.1"
-_SERVES_AT: Final = re.compile(r"using '(\S+)' as the robot IP address")
+_FRANKY_SERVES: Final = re.compile(r"using '(\S+)' as the robot IP address")
+_FRANKA_SERVES: Final = re.compile("Starting MuJoCo simulation loop")
 _END_S: Final = 20.0
+ARM_VARIABLE: Final = "FR3_MJCF"
+"""Where franka-sim looks for a model before it fetches one from the network."""
 
 
 class Server(NamedTuple):
@@ -44,9 +50,18 @@ def our_server(*, robot: str, release: Release) -> Iterator[Server]:
 @contextmanager
 def franky_server(environment: PeerEnvironment) -> Iterator[Server]:
     """``franky-sim`` with its default options, but for the simulator: the default one ends where Genesis is missing."""
-    command: list[str | Path] = [environment.python, "-u", environment.franky_sim, "--simulator", "mujoco"]
-    with _ended(subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)) as process:
-        yield Server(process.pid, ("franka", "--host", _address(process)))
+    command: list[str | Path] = [environment.python, "-u", environment.program, "--simulator", "mujoco"]
+    with _ended(_start(command, os.environ)) as process:
+        yield Server(process.pid, ("franka", "--host", _said(process, _FRANKY_SERVES)[1]))
+
+
+@contextmanager
+def franka_server(environment: PeerEnvironment, *, arm: Path) -> Iterator[Server]:
+    """``run-franka-sim-server`` with its default options and a model that is here, where it would fetch one."""
+    command: list[str | Path] = [environment.python, "-u", environment.program]
+    with _ended(_start(command, {**os.environ, ARM_VARIABLE: str(arm)})) as process:
+        _said(process, _FRANKA_SERVES)
+        yield Server(process.pid, ("franka", "--host", _HOST))
 
 
 def run_client(server: Server, *arguments: object, at_most_s: float) -> None:
@@ -63,12 +78,26 @@ def run_client(server: Server, *arguments: object, at_most_s: float) -> None:
         raise EndpointError(f"the client of the state stream failed: {(ran.stderr.strip() or 'silently')[-500:]}")
 
 
-def _address(process: "subprocess.Popen[bytes]") -> str:
+def _start(command: Sequence[str | Path], environment: Mapping[str, str]) -> "subprocess.Popen[bytes]":
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment)
+
+
+def _said(process: "subprocess.Popen[bytes]", wanted: re.Pattern[str]) -> re.Match[str]:
+    """Wait until a server says that it is there; from then on what it says is read and forgotten."""
+    last = ""
     if process.stdout is not None:
         for line in process.stdout:
-            if found := _SERVES_AT.search(line.decode(errors="replace")):
-                return found[1]
-    raise EndpointError("franky-sim ended without saying where it serves; run it by hand to see why")
+            last = line.decode(errors="replace").strip() or last
+            if found := wanted.search(last):
+                threading.Thread(target=_forget, args=(process.stdout,), daemon=True).start()
+                return found
+        process.stdout.close()
+    raise EndpointError(f"{process.args!r} ended before it served; the last it said: {last}")
+
+
+def _forget(stream: IO[bytes]) -> None:
+    with stream:
+        deque(stream, 0)
 
 
 @contextmanager
@@ -82,5 +111,3 @@ def _ended(process: "subprocess.Popen[bytes]") -> Iterator["subprocess.Popen[byt
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
-        if process.stdout is not None:
-            process.stdout.close()

@@ -4,7 +4,8 @@ from collections.abc import Callable, Sequence
 from statistics import median
 from typing import Final, NamedTuple
 
-from tools.bench.peers.compare import BARE, COMMANDS, FRANKY, LISTENS, LOOP, OURS, PeersReport, Simulator
+from tools.bench.peers.compare import BARE, COMMANDS, LISTENS, LOOP, OURS, SIMULATORS, PeersReport, Simulator
+from tools.bench.peers.environment import FRANKA, FRANKY
 from tools.bench.peers.figures import Cycles, Stream
 
 DIFFERENCES: Final = (
@@ -14,21 +15,25 @@ DIFFERENCES: Final = (
     ),
     (
         f"- the arm: {OURS} an LBR iiwa with 7 axes that touches nothing; {FRANKY} an FR3 with 7 axes, a hand with 2 "
-        "more and its controller, a ground it may touch, and a second server for the hand"
+        f"more and its controller, a ground it may touch, and a second server for the hand; {FRANKA} the same model, "
+        "because it would fetch its own from the network, with an older MuJoCo, which it asks for"
     ),
     (
         f"- a cycle: {OURS} admits, limits and monitors each command and keeps an FRI session; {FRANKY} checks no "
         "limits and raises no control errors, but works out more of the state it sends, velocities and accelerations "
-        "of what is desired among them"
+        f"of what is desired among them; {FRANKA} spreads a cycle over three threads and checks limits in them: its "
+        "row has control law, step and state packet alone, without reading and checking the command"
     ),
     (
         f"- pacing: {OURS} has absolute due times and catches up; {FRANKY} sleeps what is left of 1 ms, so that its "
-        "clock falls behind by what each sleep takes too long"
+        f"clock falls behind by what each sleep takes too long; {FRANKA} has absolute due times for arm and stream "
+        "apart, skips what it misses, and waits for the answer of a client that commands before it sends the next state"
     ),
     (
         f"- virtual time: {OURS} has a virtual clock for all it does; {FRANKY} has none, but its loop can be told not "
         "to pace (run_once(realtime=False), from Python, not from its command line). That loop sleeps 0 s a cycle, "
-        "which is in its row with sockets; without sockets it is neither paced nor put to sleep"
+        f"which is in its row with sockets; without sockets it is neither paced nor put to sleep. {FRANKA} serves in "
+        "real time only: its row steps the simulation without its server"
     ),
 )
 
@@ -52,13 +57,15 @@ def rows(report: PeersReport) -> list[Row]:
     for heading, figures in _SECTIONS:
         found.append(Row(heading))
         for figure in figures:
-            cells = (spread(figure.of(report.simulators[name]), figure.digits) for name in (OURS, FRANKY))
+            cells = (spread(figure.of(report.simulators[name]), figure.digits) for name in SIMULATORS)
             found.append(Row(figure.label, tuple(cells)))
     return found
 
 
 def spread(values: Sequence[float], digits: int) -> str:
-    """Return the median of repeats and, where there are several, the smallest and the largest."""
+    """Return the median of repeats and, where there are several, the smallest and the largest; - without any."""
+    if not values:
+        return "-"
     if len(values) == 1:
         return f"{values[0]:.{digits}f}"
     return f"{median(values):.{digits}f} ({min(values):.{digits}f} .. {max(values):.{digits}f})"
