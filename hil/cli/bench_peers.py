@@ -53,11 +53,13 @@ def peers(  # noqa: PLR0917  # typer makes the options of the parameters
     for whose, facts in (("", machine()), *((f"{name}: ", found) for name, found in report.peer_versions.items())):
         said = ", ".join(f"{name} {value}" for name, value in facts.items())
         console.print(whose + said, style="dim", highlight=False)
+    one, five, fifteen = report.load_average
+    console.print(f"load average before: {one:.2f}, {five:.2f}, {fifteen:.2f}", style="dim", highlight=False)
     _print(console, report, robot=robot)
 
 
 def _print(console: Console, report: "PeersReport", *, robot: str) -> None:
-    from tools.bench.peers.table import DIFFERENCES, rows
+    from tools.bench.peers.table import DIFFERENCES, complaints, rows
 
     table = Table(
         f"{report.repeats} x {report.cycles} cycles, {report.repeats} x {report.seconds:g} s",
@@ -71,5 +73,7 @@ def _print(console: Console, report: "PeersReport", *, robot: str) -> None:
         else:
             table.add_row(row.label, *row.cells)
     console.print(table)
+    for sentence in complaints(report):
+        console.print(sentence, style="red", highlight=False)
     for sentence in DIFFERENCES:
         console.print(sentence, highlight=False)

@@ -14,14 +14,14 @@ from tools.bench.peers.compare import BARE, COMMANDS, LISTENS, LOOP, OURS, SIMUL
 from tools.bench.peers.environment import FRANKA, FRANKY, environments
 from tools.bench.peers.figures import Cycles, Quantiles, Stream, cycles_of, stream_of
 from tools.bench.peers.sine import AMPLITUDE_RAD, AXIS, with_sine
-from tools.bench.peers.table import DIFFERENCES, rows, spread
+from tools.bench.peers.table import DIFFERENCES, complaints, rows, spread
 
 MS = 1_000_000
 
 
 def seen(arrived_ns: list[int], counters: list[int] | None = None) -> dict[str, Any]:
     numbers = list(range(len(arrived_ns))) if counters is None else counters
-    return {"arrived_ns": arrived_ns, "counters": numbers, "state_bytes": 388, "server_cores": 0.25}
+    return {"arrived_ns": arrived_ns, "counters": numbers, "state_bytes": 388, "server_cores": 0.25, "moved_rad": 0.08}
 
 
 def test_a_stream_in_its_period_has_its_rate_and_no_jitter() -> None:
@@ -70,17 +70,17 @@ def test_virtual_time_is_by_the_mean_of_all_cycles_and_not_by_the_median() -> No
     assert found.virtual_time_factor == 10.0
 
 
-def report(repeats: int) -> PeersReport:
+def report(repeats: int, *, seconds: float = 5.0, moved_rad: float = 0.08) -> PeersReport:
     simulators = {}
     for name, slower in ((OURS, 1.0), (FRANKY, 3.0), (FRANKA, 2.0)):
         runs = range(repeats)
         cycles = [Cycles(Quantiles(40.0 * slower + run, 90.0, 95.0, 100.0), 20.0 / slower) for run in runs]
-        stream = Stream(1000, 0, 1000.0 / slower, *(Quantiles(1.0, 2.0, 3.0, 4.0),) * 2, 0.5, 388, 0.25)
+        stream = Stream(1000, 0, 1000.0 / slower, *(Quantiles(1.0, 2.0, 3.0, 4.0),) * 2, 0.5, 388, 0.25, moved_rad)
         simulators[name] = Simulator(
             {BARE: cycles, LOOP: [] if name == FRANKA else cycles},
             {LISTENS: [stream] * repeats, COMMANDS: [stream] * repeats},
         )
-    return PeersReport(1000, 2.0, repeats, {FRANKY: {"mujoco": "4.0.0"}}, simulators)
+    return PeersReport(1000, seconds, repeats, {FRANKY: {"mujoco": "4.0.0"}}, simulators, (0.5, 0.4, 0.3))
 
 
 def test_the_table_has_ours_beside_theirs() -> None:
@@ -108,6 +108,18 @@ def test_what_a_simulator_cannot_do_is_an_empty_cell_and_told_in_words() -> None
     with_sockets = [row.label for row in table].index("the same with sockets and a client over loopback")
     assert table[with_sockets + 1].cells == ("40.0", "120.0", "-")
     assert any(f"{FRANKA} serves in real time only" in sentence for sentence in DIFFERENCES)
+
+
+def test_an_arm_that_did_not_follow_is_told() -> None:
+    assert complaints(report(repeats=2)) == []
+    told = complaints(report(repeats=2, moved_rad=0.0))
+    assert [sentence.split(":")[0] for sentence in told] == [
+        f"{name} followed its client in 0 of 2 runs" for name in SIMULATORS
+    ]
+    # In less than a period an arm that follows need not go far.
+    assert complaints(report(repeats=1, seconds=3.0, moved_rad=0.0)) == [
+        "The streams are shorter than a period of the sine: whether arms followed was not looked at."
+    ]
 
 
 def test_json_has_every_run() -> None:

@@ -6,6 +6,7 @@ that what the host does besides meets both.
 """
 
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -21,6 +22,7 @@ from tools.bench.cycle import WARM_UP_CYCLES
 from tools.bench.peers.environment import FRANKA, FRANKY, PEERS, PeerEnvironment
 from tools.bench.peers.figures import Cycles, Stream, cycles_of, stream_of
 from tools.bench.peers.servers import ARM_VARIABLE, Server, franka_server, franky_server, our_server, run_client
+from tools.bench.peers.sine import FREQUENCY_HZ, MOVED_RAD
 from transport.child import module_environment
 
 OURS: Final = "fri-hil"
@@ -34,6 +36,7 @@ COMMANDS: Final = "commands"
 SETTLE_S: Final = 4.0
 """Of each stream, not measured; an FRI session is commanding by then."""
 _LOOP_MODULES: Final = {FRANKY: "tools.bench.peers.franky_loop", FRANKA: "tools.bench.peers.franka_loop"}
+_PERIOD_CYCLES: Final = int(1000 / FREQUENCY_HZ)
 _LOOPS_S: Final = 600.0
 _START_AND_END_S: Final = 60.0
 
@@ -57,6 +60,8 @@ class PeersReport:
     repeats: int
     peer_versions: dict[str, dict[str, str]]
     simulators: dict[str, Simulator]
+    load_average: tuple[float, float, float]
+    """Of the machine before the first measurement: processes that wanted to run, over 1, 5 and 15 minutes."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return it for JSON."""
@@ -89,6 +94,7 @@ def bench_peers(
         repeats,
         {peer: environment.versions() for peer, environment in environments.items()},
         {name: Simulator() for name in SIMULATORS},
+        os.getloadavg(),
     )
     with tempfile.TemporaryDirectory(prefix="fri-hil-bench-") as folder:
         out, arm = Path(folder, "found.json"), Path(folder, "fr3.xml")
@@ -100,6 +106,7 @@ def bench_peers(
             if step.what == LOOP:
                 starter.run_loops(step.simulator, cycles, out)
                 for kind, measured in json.loads(out.read_text(encoding="utf-8")).items():
+                    _check_moved(step.simulator, measured, cycles)
                     found.cycles[kind].append(cycles_of(measured["samples_ns"]))
             else:
                 with starter.server(step.simulator) as server:
@@ -111,6 +118,13 @@ def bench_peers(
                     )
                 found.streams[step.what].append(stream_of(json.loads(out.read_text(encoding="utf-8"))))
     return report
+
+
+def _check_moved(simulator: str, measured: dict[str, Any], cycles: int) -> None:
+    """Raise where an arm stood still; ours is checked by its session's state."""
+    moved_rad = measured.get("moved_rad")
+    if moved_rad is not None and cycles >= _PERIOD_CYCLES and moved_rad < MOVED_RAD:
+        raise EndpointError(f"the arm of {simulator} moved {moved_rad:.4f} rad: it does not follow the sine")
 
 
 def steps(repeats: int) -> int:

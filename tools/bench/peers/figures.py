@@ -59,6 +59,8 @@ class Stream:
     state_bytes: int
     server_cores: float
     """Processor time of the server, as a share of one core."""
+    moved_rad: float
+    """How far axis 4 went."""
 
 
 def cycles_of(samples_ns: Sequence[int]) -> Cycles:
@@ -86,4 +88,5 @@ def stream_of(found: dict[str, Any]) -> Stream:
         late_percent=round(100.0 * float(np.mean(intervals_us > LATE_US)), 4),
         state_bytes=found["state_bytes"],
         server_cores=round(found["server_cores"], 3),
+        moved_rad=round(found["moved_rad"], 4),
     )

@@ -57,11 +57,11 @@ class FrankaClient:
 
     def answer(self, state: bytes, sender: tuple[str, int]) -> None:
         """Send the next joint position of the sine; the sine begins where the arm stands."""
-        self._udp.sendto(self.next_command(state), sender)
-
-    def next_command(self, state: bytes) -> bytes:
-        """Return the command that answers ``state``."""
         if self._start_rad is None:
             self._start_rad = franka_wire.measured_position_rad(state)
         self._cycles += 1
-        return franka_wire.position_answer(state, with_sine(self._start_rad, self._cycles))
+        self.send(franka_wire.position_answer(state, with_sine(self._start_rad, self._cycles)), sender)
+
+    def send(self, command: bytes, server: tuple[str, int]) -> None:
+        """Send a command to where the states come from."""
+        self._udp.sendto(command, server)

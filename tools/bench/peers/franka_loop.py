@@ -35,10 +35,9 @@ def main() -> None:
     simulator.update_joint_positions(start_rad)
     simulator.set_control_mode(ControlMode.POSITION)
     packet = RobotState()
-    samples = []
-    axis_rad = []
-    for cycle in range(1, asked.warm_up + asked.cycles + 1):
-        target_rad = with_sine(start_rad, cycle)
+    targets_rad = [with_sine(start_rad, cycle) for cycle in range(asked.warm_up + asked.cycles)]
+    samples, states = [], []
+    for target_rad in targets_rad:
         before_ns = elapsed_ns()
         simulator.update_joint_positions(target_rad)
         simulator.step()
@@ -47,7 +46,8 @@ def main() -> None:
         state = packet.pack_state()
         packet.update()
         samples.append(elapsed_ns() - before_ns)
-        axis_rad.append(franka_wire.measured_position_rad(state)[AXIS])
+        states.append(state)
+    axis_rad = [franka_wire.measured_position_rad(state)[AXIS] for state in states]
     found = {"bare": {"samples_ns": samples[asked.warm_up :], "moved_rad": max(axis_rad) - min(axis_rad)}}
     asked.out.write_text(json.dumps(found), encoding="utf-8")
 

@@ -20,6 +20,7 @@ from tools.bench.peers.franka_client import FrankaClient
 from tools.bench.peers.sine import AXIS, with_sine
 
 _MOTION: Final = 1
+_NO_COUNTER: Final = bytes(8)
 
 
 def _bare(cycles: int, warm_up: int) -> dict[str, Any]:
@@ -32,14 +33,8 @@ def _bare(cycles: int, warm_up: int) -> dict[str, Any]:
             robot_server.start_motion(
                 MoveCommandControllerMode.kJointImpedance, MoveCommandMotionGeneratorMode.kJointPosition, _MOTION
             )
-            start_rad = tuple(robot.inner_state.q)
-            commands = [
-                franka_wire.position_command(cycle, with_sine(start_rad, cycle))
-                for cycle in range(1, warm_up + cycles + 1)
-            ]
-            samples = []
-            axis_rad = []
-            for command in commands:
+            samples, states = [], []
+            for command in _commands(tuple(robot.inner_state.q), 1, warm_up + cycles):
                 before_ns = elapsed_ns()
                 # What process_commands() and send_state() do, but for asking the sockets.
                 robot_server._pre_process_commands()
@@ -48,8 +43,8 @@ def _bare(cycles: int, warm_up: int) -> dict[str, Any]:
                 simulator.step()
                 state = robot_server._get_state_bytes()
                 samples.append(elapsed_ns() - before_ns)
-                axis_rad.append(franka_wire.measured_position_rad(bytes(8) + state)[AXIS])
-    return {"samples_ns": samples[warm_up:], "moved_rad": max(axis_rad) - min(axis_rad)}
+                states.append(_NO_COUNTER + state)
+    return {"samples_ns": samples[warm_up:], "moved_rad": _moved_rad(states)}
 
 
 def _loop(cycles: int, warm_up: int) -> dict[str, Any]:
@@ -62,16 +57,26 @@ def _loop(cycles: int, warm_up: int) -> dict[str, Any]:
             while not client.has_begun_to_move():
                 server.run_once(realtime=False)
                 state, sender = client.receive()
-            samples = []
-            axis_rad = []
-            for _ in range(warm_up + cycles):
-                client.answer(state, sender)
+            samples, states = [], []
+            first = franka_wire.state_counter(state)
+            for command in _commands(franka_wire.measured_position_rad(state), first, warm_up + cycles):
+                client.send(command, sender)
                 before_ns = elapsed_ns()
                 server.run_once(realtime=False)
                 samples.append(elapsed_ns() - before_ns)
                 state, sender = client.receive()
-                axis_rad.append(franka_wire.measured_position_rad(state)[AXIS])
-    return {"samples_ns": samples[warm_up:], "moved_rad": max(axis_rad) - min(axis_rad)}
+                states.append(state)
+    return {"samples_ns": samples[warm_up:], "moved_rad": _moved_rad(states)}
+
+
+def _commands(start_rad: tuple[float, ...], first: int, cycles: int) -> list[bytes]:
+    """Return the answers to that many states, numbered from ``first``; made beforehand, as ours are."""
+    return [franka_wire.position_command(first + cycle, with_sine(start_rad, cycle)) for cycle in range(cycles)]
+
+
+def _moved_rad(states: list[bytes]) -> float:
+    axis_rad = [franka_wire.measured_position_rad(state)[AXIS] for state in states]
+    return max(axis_rad) - min(axis_rad)
 
 
 def main() -> None:

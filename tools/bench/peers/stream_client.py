@@ -21,7 +21,7 @@ from hil.clock import elapsed_ns
 from hil.values.errors import EndpointError
 from tools.bench.peers import franka_wire
 from tools.bench.peers.franka_client import PATIENCE_S, FrankaClient
-from tools.bench.peers.sine import AMPLITUDE_RAD, AXIS, FREQUENCY_HZ, MOVED_RAD
+from tools.bench.peers.sine import AMPLITUDE_RAD, AXIS, FREQUENCY_HZ
 from transport.fri import FriCodec
 
 _HOST: Final = "127.0.0.1"
@@ -143,15 +143,12 @@ def _measure(link: _Link, *, seconds: float, settle_s: float, server: int, comma
     used_s = _processor_s(server) - used_s
     took_s = (elapsed_ns() - began_ns) * 1e-9
     axis_rad = [link.axis_rad(state) for state in states[:: max(1, len(states) // 1000)]]
-    moved_rad = max(axis_rad) - min(axis_rad)
-    if command and seconds >= 1.0 / FREQUENCY_HZ and moved_rad < MOVED_RAD:
-        raise EndpointError(f"the arm moved {moved_rad:.4f} rad, not the {2.0 * AMPLITUDE_RAD:g} of the sine")
     return {
         "arrived_ns": arrived_ns,
         "counters": [link.counter(state) for state in states],
         "state_bytes": len(states[-1]),
         "server_cores": used_s / took_s,
-        "moved_rad": moved_rad,
+        "moved_rad": max(axis_rad) - min(axis_rad),
     }
 
 

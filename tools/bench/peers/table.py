@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 from tools.bench.peers.compare import BARE, COMMANDS, LISTENS, LOOP, OURS, SIMULATORS, PeersReport, Simulator
 from tools.bench.peers.environment import FRANKA, FRANKY
 from tools.bench.peers.figures import Cycles, Stream
+from tools.bench.peers.sine import FREQUENCY_HZ, MOVED_RAD
 
 DIFFERENCES: Final = (
     (
@@ -62,6 +63,22 @@ def rows(report: PeersReport) -> list[Row]:
     return found
 
 
+def complaints(report: PeersReport) -> list[str]:
+    """Return a sentence for each simulator whose arm did not follow a client that commanded it."""
+    if report.seconds * FREQUENCY_HZ < 1.0:
+        return ["The streams are shorter than a period of the sine: whether arms followed was not looked at."]
+    found = []
+    for name, simulator in report.simulators.items():
+        runs = simulator.streams[COMMANDS]
+        followed = sum(run.moved_rad > MOVED_RAD for run in runs)
+        if followed < len(runs):
+            found.append(
+                f"{name} followed its client in {followed} of {len(runs)} runs: in the others its rows say what it "
+                "costs to send states, and no more. A machine that others load does that."
+            )
+    return found
+
+
 def spread(values: Sequence[float], digits: int) -> str:
     """Return the median of repeats and, where there are several, the smallest and the largest; - without any."""
     if not values:
@@ -101,6 +118,7 @@ def _streams(kind: str) -> tuple[_Figure, ...]:
         _streamed("lost", 0, kind, lambda run: run.lost),
         _streamed("server, of one core", 2, kind, lambda run: run.server_cores),
         _streamed("a state, bytes", 0, kind, lambda run: run.state_bytes),
+        _streamed("axis 4 went, mrad", 1, kind, lambda run: 1000.0 * run.moved_rad),
     )
 
 
