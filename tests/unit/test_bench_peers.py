@@ -89,7 +89,7 @@ def test_the_table_has_ours_beside_theirs() -> None:
     assert len(headings) == 4
     first = table[1]
     assert first.label == "one cycle, p50 us"
-    assert first.cells == ("41.0 (40.0 .. 42.0)", "121.0 (120.0 .. 122.0)", "81.0 (80.0 .. 82.0)")
+    assert first.cells == ("41.0 (40.0 .. 42.0)", "121.0 (120.0 .. 122.0)", "81.0 (80.0 .. 82.0) *")
     [*_, listens, commands] = [row for row in table if row.label == "rate, Hz"]
     assert (
         listens.cells
@@ -100,7 +100,7 @@ def test_the_table_has_ours_beside_theirs() -> None:
 
 def test_one_repeat_has_no_spread() -> None:
     assert spread([12.34], 1) == "12.3"
-    assert rows(report(repeats=1))[1].cells == ("40.0", "120.0", "80.0")
+    assert rows(report(repeats=1))[1].cells == ("40.0", "120.0", "80.0 *")
 
 
 def test_what_a_simulator_cannot_do_is_an_empty_cell_and_told_in_words() -> None:

@@ -22,8 +22,8 @@ DIFFERENCES: Final = (
     (
         f"- a cycle: {OURS} admits, limits and monitors each command and keeps an FRI session; {FRANKY} checks no "
         "limits and raises no control errors, but works out more of the state it sends, velocities and accelerations "
-        f"of what is desired among them; {FRANKA} spreads a cycle over three threads and checks limits in them: its "
-        "row has control law, step and state packet alone, without reading and checking the command"
+        f"of what is desired among them; {FRANKA} spreads a cycle over three threads and checks limits in them. * Its "
+        "row is a part of a cycle: control law, step and state packet, without reading and checking the command"
     ),
     (
         f"- pacing: {OURS} has absolute due times and catches up; {FRANKY} sleeps what is left of 1 ms, so that its "
@@ -37,6 +37,9 @@ DIFFERENCES: Final = (
         "real time only: its row steps the simulation without its server"
     ),
 )
+
+
+_BARE: Final = "from a command's bytes to a state's bytes, no sockets"
 
 
 class Row(NamedTuple):
@@ -58,7 +61,9 @@ def rows(report: PeersReport) -> list[Row]:
     for heading, figures in _SECTIONS:
         found.append(Row(heading))
         for figure in figures:
-            cells = (spread(figure.of(report.simulators[name]), figure.digits) for name in SIMULATORS)
+            cells = [spread(figure.of(report.simulators[name]), figure.digits) for name in SIMULATORS]
+            if heading == _BARE:
+                cells[SIMULATORS.index(FRANKA)] += " *"
             found.append(Row(figure.label, tuple(cells)))
     return found
 
@@ -123,7 +128,7 @@ def _streams(kind: str) -> tuple[_Figure, ...]:
 
 
 _SECTIONS: Final = (
-    ("from a command's bytes to a state's bytes, no sockets", _cycles(BARE)),
+    (_BARE, _cycles(BARE)),
     ("the same with sockets and a client over loopback", _cycles(LOOP)),
     ("state stream at 1 kHz, the client listens", _streams(LISTENS)),
     ("state stream at 1 kHz, the client commands a sine", _streams(COMMANDS)),
