@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: setup demo test soak soak-quick fuzz lint types layers format bench protobuf robots goldens dissector constraints clean
+.PHONY: setup demo test soak soak-quick fuzz lint types layers format bench bench-peers protobuf robots goldens dissector constraints clean
 
 setup: $(VENV)/.installed
 
@@ -67,6 +67,16 @@ bench: setup
 	$(BIN)/hil bench cycle
 	$(BIN)/hil bench rate
 
+# Other simulators, in environments of their own: their dependencies are none of ours, and no test needs them.
+PEERS := .venv-peers
+bench-peers: setup $(PEERS)/franky-sim/.installed $(PEERS)/franka-sim/.installed
+	$(BIN)/hil bench peers $(PEERS_ARGUMENTS)
+
+$(PEERS)/%/.installed: tools/bench/peers/%.txt
+	$(PYTHON) -m venv $(@D)
+	PIP_CONSTRAINT=$(CURDIR)/$< $(@D)/bin/python -m pip install --quiet $*
+	@touch $@
+
 # Generated files that are committed; tests compare them with what these commands write.
 protobuf: setup
 	$(BIN)/python -m tools.make_protobuf
@@ -85,4 +95,4 @@ constraints: setup
 	mv constraints.new constraints.txt
 
 clean:
-	rm -rf $(VENV) out build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) $(PEERS) out build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.progress import Progress, TaskID
 from rich.table import Table
 
+from hil.cli.bench_peers import peers
 from hil.config.control import ControlConfig, ControlName
 from hil.config.station import FriConfig, Mode, Reaction, ReactionConfig, RobotConfig, ServoConfig
 from hil.values.errors import ConfigurationError, UnknownName
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from tools.bench.clients import BenchMotion
 
 app = typer.Typer(help="Measure: what a cycle costs, how well it is paced.", no_args_is_help=True)
+app.command()(peers)
 
 Robot = Annotated[str, typer.Option(help="Robot model.")]
 Backend = Annotated[str, typer.Option(help="Robot side.")]
