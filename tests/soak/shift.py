@@ -75,6 +75,8 @@ def lawful(laws: "list[Laws]", where: dict[str, VirtualController]) -> Iterator[
                 # Without drives the set point follows the arm, which hangs in its brakes.
                 drives = core._safety.drives
                 off, hung[0] = hung[0], drives.dropped or not drives.hold
+                if off or hung[0]:
+                    law.forget()
                 may = core.operator.program is ProgramState.RUNNING or off or hung[0]
                 law.check(command, t1=core._safety.monitors.t1, running=may)
             write(command)

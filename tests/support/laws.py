@@ -27,6 +27,10 @@ class Laws:
         self._before: JointCommand | None = None
         self._not_running = 0
 
+    def forget(self) -> None:
+        """The next command need not follow on the one before: no drive held the arm."""
+        self._before = None
+
     def check(self, command: JointCommand, *, t1: bool, running: bool) -> None:
         """Take the next command; ``running``: whether the program may run in its cycle."""
         before, self._before = self._before, command

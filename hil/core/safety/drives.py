@@ -1,5 +1,7 @@
 """Whether the drives hold the arm: dropped and switched on as the operator's side asks for it."""
 
+from typing import Final
+
 from hil.values.arm import ArmState, Backend
 from hil.values.fri import DriveState
 from hil.values.operator import StopCategory
@@ -7,6 +9,8 @@ from hil.values.operator import StopCategory
 _ACTIVE = DriveState.ACTIVE
 STANDSTILL_RAD_S = 0.01
 """An axis that is slower stands still, as far as brakes and noise tell. Ours."""
+LONGEST_COASTING_NS: Final = 200_000_000
+"""For how long an arm whose set point stands may still move before its brakes grip it all the same. Ours."""
 
 
 class Drives:
@@ -16,6 +20,8 @@ class Drives:
         self._backend = backend
         self._switches = backend.capabilities.switches_drives
         self._state = _ACTIVE
+        self._stands_since_ns: int | None = None
+        """Since when the set point stands that is to be dropped."""
         self._states: tuple[DriveState, ...] = ()
         """What was read last; mostly the same tuple again, cycle after cycle."""
         self.dropped = False
@@ -40,17 +46,31 @@ class Drives:
         self._state = state
         return state
 
-    def follow(self, category: StopCategory | None, *, stands: bool) -> None:
-        """Drop the drives as ``category`` says, at once or when the arm ``stands``; None: switch them on."""
+    def follow(self, category: StopCategory | None, *, stands: bool, arm: ArmState, now_ns: int) -> None:
+        """Drop the drives as ``category`` says, at once or when the arm stands; None: switch them on.
+
+        ``stands``: the set point does; an arm that lags behind it is not gripped by its brakes before it does too.
+        """
         if not self._switches:
             return
-        drop = category is StopCategory.DROP or (category is StopCategory.BRAKE_AND_DROP and stands)
+        coasts = category is StopCategory.BRAKE_AND_DROP and not self.dropped
+        came_to_rest = self._came_to_rest(arm, stands=stands and coasts, now_ns=now_ns)
+        drop = category is StopCategory.DROP or (coasts and came_to_rest)
         if drop and not self.dropped:
             self.dropped = True
             self._backend.switch_drives(on=False)
         elif category is None and self.dropped:
             self.dropped = False
             self._backend.switch_drives(on=True)
+
+    def _came_to_rest(self, arm: ArmState, *, stands: bool, now_ns: int) -> bool:
+        if not stands:
+            self._stands_since_ns = None
+            return False
+        if self._stands_since_ns is None:
+            self._stands_since_ns = now_ns
+        coasted_ns = now_ns - self._stands_since_ns
+        return coasted_ns >= LONGEST_COASTING_NS or max(map(abs, arm.velocity_rad_s)) <= STANDSTILL_RAD_S
 
     def off_or_at_rest(self, arm: ArmState) -> bool:
         """Whether an arm whose drives were to be dropped is stopped: they are, and it stands still."""

@@ -149,7 +149,7 @@ class Supervisor:
         stands = motion.stands
         if stands and not self.monitors.t1 and operator.mode is OperationMode.T1:
             self.monitors.t1 = True
-        drives.follow(operator.drops_drives, stands=stands)
+        drives.follow(operator.drops_drives, stands=stands, arm=arm, now_ns=now_ns)
         if drives.dropped or not drives.hold or not condition.takes_commands:
             self._dropped_in_pause = True
             held_rad = condition.held_position_rad or arm.position_rad
