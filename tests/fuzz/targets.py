@@ -1,8 +1,15 @@
 """All targets, by name."""
 
-from tests.fuzz import controller, decoders, files, sessions
+from tests.fuzz import controller, decoders, files, robot_sides, sessions
 from tests.fuzz.target import Target
 
 TARGETS: dict[str, Target] = {
-    target.name: target for target in (*decoders.TARGETS, *sessions.TARGETS, *controller.TARGETS, *files.TARGETS)
+    target.name: target
+    for target in (
+        *decoders.TARGETS,
+        *sessions.TARGETS,
+        *controller.TARGETS,
+        *robot_sides.TARGETS,
+        *files.TARGETS,
+    )
 }
