@@ -183,7 +183,10 @@ class KstServer:
         except Exception as error:  # noqa: BLE001  # the next client is served all the same
             self._tell(f"the session of {peer} failed, which is a fault of the server: {error!r}")
         finally:
-            await robot.close()
+            try:
+                await robot.close()
+            except Exception as error:  # noqa: BLE001  # the next client is served all the same
+                self._tell(f"the session of {peer} did not end in order: {error!r}")
             _close(sock)
             self._note(self._visit)
             self._visit = self._task = None
