@@ -1,6 +1,5 @@
 """Which process holds a port: for the sentence that says it is taken. Linux, and processes of this user only."""
 
-import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +14,7 @@ _SOCKET: Final = re.compile(r"socket:\[(\d+)\]")
 
 
 def held_by(kind: str, address: Address) -> str:
-    """Return ``"; process 42 (hil run station.toml) has it"`` for a ``"udp"`` or ``"tcp"`` address, or an empty text."""
+    """Return ``"; process 42 (hil run) has it"`` for a ``"udp"`` or ``"tcp"`` address, or an empty text."""
     inodes = set(_inodes(kind, address))
     process = _process_with(inodes) if inodes else None
     return "" if process is None else f"; {told_process(process)} has it"
@@ -60,7 +59,7 @@ def _process_with(inodes: set[str]) -> int | None:
             continue
         try:
             for link in (folder / "fd").iterdir():
-                found = _SOCKET.fullmatch(os.readlink(link))
+                found = _SOCKET.fullmatch(str(link.readlink()))
                 if found is not None and found[1] in inodes:
                     return int(folder.name)
         except OSError:

@@ -282,9 +282,7 @@ async def _stream(
     errors: asyncio.Queue[Exception] = asyncio.Queue()
     drained = asyncio.Event()
     transport, _ = await loop.create_datagram_endpoint(
-        lambda: _Protocol(
-            received, errors, drained, sock=sock, at_once=at_once, on_error=on_error, on_full=on_full
-        ),
+        lambda: _Protocol(received, errors, drained, sock=sock, at_once=at_once, on_error=on_error, on_full=on_full),
         sock=sock,
     )
     # The first question makes the kernel begin to stamp; the first answers may be the time of asking.

@@ -49,7 +49,7 @@ def _descriptors() -> Counter[str]:
     found: Counter[str] = Counter()
     for link in Path("/proc/self/fd").iterdir():
         try:
-            target = os.readlink(link)
+            target = str(link.readlink())
         except FileNotFoundError:
             continue
         # The numbers of sockets and pipes are new each time; the count of each kind is what must not grow.

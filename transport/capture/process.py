@@ -18,8 +18,8 @@ from transport.capture.batches import Ring
 from transport.capture.comment import encode_comment
 from transport.capture.errors import CaptureError, cannot_create
 from transport.capture.link import CaptureLink, CaptureSummary
-from transport.claims import claim_file
 from transport.child import module_command, module_environment, terminal_signals_blocked
+from transport.claims import claim_file
 
 _WRITER = "transport.capture.writer_main"
 
