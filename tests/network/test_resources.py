@@ -11,14 +11,23 @@ from typing import TypeVar
 import pytest
 
 from backends.ideal import IdealBackend
-from hil.clock import let_others_run
+from hil.client.fri import AsyncFriClient, FriClient, FriHandler, NothingHeard, Release
+from hil.client.servo import AsyncServoClient, ControllerSilent, ServoClient
+from hil.clock import MonotonicClock, let_others_run
 from hil.config.station import FriConfig, KstConfig, RobotConfig, ServoConfig, Station, TcpProbeConfig
 from hil.runtime import run as shell
+from hil.runtime.relay import open_relay
 from hil.runtime.robot_process import RobotProcess
 from hil.runtime.run import RunOptions, RunResult
 from hil.values.errors import BackendError, EndpointError
+from hil.values.link import Address
+from tests.support.cli import cli
 from tests.support.held import held, nothing_left
 from tests.support.processes import own_host
+from tests.support.servo_served import served
+from tools.view.sources import from_addresses
+from tools.view.watch import Watch
+from transport.impairment import Direction, Network
 
 _T = TypeVar("_T")
 RUN_S = 0.1
@@ -136,3 +145,82 @@ def test_a_second_robot_whose_address_is_taken_leaves_nothing_of_the_first(tmp_p
         robots = [one("ideal"), one("ideal", servo=ServoConfig(bind=bind)).model_copy(update={"name": "second"})]
         with nothing_left(), pytest.raises(EndpointError, match=f"cannot bind UDP {bind}"):
             leaves_nothing(lambda: run(small(tmp_path, robot=robots)))
+
+
+def test_the_clients_of_a_servo_link(tmp_path: Path) -> None:
+    async def asynchronous(address: str) -> None:
+        async with AsyncServoClient(address) as client:
+            client.read_state()
+
+    with served() as controller:
+        for _ in range(2):
+            with nothing_left():
+                with ServoClient(controller.address) as client:
+                    client.read_state()
+                leaves_nothing(lambda: asynchronous(controller.address))
+
+
+def test_the_clients_of_a_servo_link_that_nobody_serves() -> None:
+    nowhere = f"{own_host()}:9"
+
+    async def asynchronous() -> None:
+        await AsyncServoClient(nowhere, connect_timeout_s=0.05).connect()
+
+    with nothing_left():
+        with pytest.raises(ControllerSilent):
+            ServoClient(nowhere, connect_timeout_s=0.05).connect()
+        with pytest.raises(ControllerSilent):
+            leaves_nothing(asynchronous)
+        with pytest.raises(ControllerSilent):
+            Watch(from_addresses([nowhere]), connect_timeout_s=0.05).open()
+
+
+def test_the_clients_of_an_fri_link_that_nobody_serves() -> None:
+    async def asynchronous() -> None:
+        async with AsyncFriClient(FriHandler(), release=Release.V1_15, port=0, bind_host=own_host()) as client:
+            await client.run(silence_s=0.05)
+
+    with nothing_left():
+        with (
+            pytest.raises(NothingHeard),
+            FriClient(FriHandler(), release=Release.V1_15, port=0, bind_host=own_host()) as client,
+        ):
+            client.run(silence_s=0.05)
+        with pytest.raises(NothingHeard):
+            leaves_nothing(asynchronous)
+
+
+def test_an_impairment_that_is_cancelled_while_it_passes_datagrams_on() -> None:
+    async def passes() -> None:
+        host = own_host()
+        relay = await open_relay(
+            Network([]), listen=Address(host, 0), to=Address(host, 9), towards=Direction.TO_PEER, forward_from=None,
+            clock=MonotonicClock(),
+        )  # fmt: skip
+        running = asyncio.create_task(relay.run())
+        with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as speaker:
+            speaker.sendto(b"hello", relay.local)
+            while not relay.lines:
+                await let_others_run(1)
+        running.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await running
+        relay.close()
+
+    with nothing_left():
+        leaves_nothing(passes)
+
+
+def test_the_tools_that_meet_nobody() -> None:
+    nowhere = f"{own_host()}:9"
+    with nothing_left():
+        for arguments in (
+            ("doctor", "tcp", nowhere),
+            ("doctor", "udp", nowhere, "--seconds", 1),
+            ("doctor", "kst", nowhere),
+            ("top", "--socket", "/nowhere/pad.sock"),
+            ("pad", "status", "--socket", "/nowhere/pad.sock"),
+        ):
+            ended = cli(*arguments)
+            assert ended.code not in {0, None}, arguments
+            assert "Traceback" not in ended.err
