@@ -107,13 +107,33 @@ class _Broken:
         raise RuntimeError("the goodbye failed")
 
 
-async def test_a_kst_session_that_ends_badly_does_not_keep_the_next_client_out() -> None:
+class _Lost(_Broken):
+    """A session at the controller whose state cannot be told."""
+
+    async def connect(self) -> None:
+        """Begin."""
+
+    async def close(self) -> None:
+        """End."""
+
+    def state(self) -> NoReturn:
+        """Fail."""
+        raise RuntimeError("there is no state")
+
+    @property
+    def is_there(self) -> NoReturn:  # type: ignore[override]  # it fails
+        """Fail."""
+        raise RuntimeError("nobody knows")
+
+
+async def served_twice(robot: type[_Broken]) -> list[str]:
+    """Serve two clients one after the other; both are let go. Return what was told."""
     told: list[str] = []
     listener = listen(Address(own_host(), 0), backlog=4)
     seven = (1.0,) * 7
     settings = KstSettings(position_min_rad=seven, position_max_rad=seven, velocity_max_rad_s=seven)
     server = KstServer(
-        listener, settings=settings, make_robot=lambda _tell: cast("Robot", _Broken()), clock=MonotonicClock(),
+        listener, settings=settings, make_robot=lambda _tell: cast("Robot", robot()), clock=MonotonicClock(),
         tell=told.append,
     )  # fmt: skip
     address = listener.getsockname()
@@ -126,8 +146,18 @@ async def test_a_kst_session_that_ends_badly_does_not_keep_the_next_client_out()
             await writer.wait_closed()
         server.stop()
         await serving
-    assert sum("did not end in order" in line for line in told) == 2
     assert server.sessions == 2
+    return told
+
+
+async def test_a_kst_session_that_ends_badly_does_not_keep_the_next_client_out() -> None:
+    told = await served_twice(_Broken)
+    assert sum("did not end in order" in line for line in told) == 2
+
+
+async def test_a_kst_session_that_cannot_be_watched_lets_its_client_go() -> None:
+    told = await served_twice(_Lost)
+    assert sum("which is a fault of the server: RuntimeError('nobody knows')" in line for line in told) == 2
 
 
 def test_a_test_process_whose_pad_fails_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
