@@ -14,7 +14,9 @@ from hil.values.errors import ConfigurationError
 from hil.values.link import Address
 from tests.support.cli import cli
 from tests.support.processes import own_host
+from transport.capture.batches import Ring
 from transport.capture.errors import CaptureError
+from transport.capture.parts import part_path
 from transport.capture.process import CaptureProcess, create_file
 from transport.capture.reading import read_capture
 from transport.holders import held_by
@@ -47,6 +49,22 @@ def test_a_capture_that_another_run_writes(tmp_path: Path) -> None:
         first.put(2, source, destination, b"after")
     assert [one.payload for one in read_capture(path)] == [b"before", b"after"]
     os.close(create_file(path))  # and now it is free
+
+
+def test_a_part_of_a_ring_that_another_run_writes(tmp_path: Path) -> None:
+    path = tmp_path / "run.pcapng"
+    part_fd = create_file(part_path(path, 2))
+    try:
+        with CaptureProcess(path, comment="", ring=Ring(2, 20_000)) as capture:
+            for number in range(200):
+                capture.put(number, ("192.170.10.2", 30200), ("192.170.10.100", 30200), bytes(100))
+            told = capture.close()
+    finally:
+        os.close(part_fd)
+    assert told.error is not None
+    assert "records to run" in told.error
+    assert len(list(read_capture(path))) == told.written > 0
+    assert not part_path(path, 2).stat().st_size
 
 
 def test_a_status_file_that_another_run_will_write(tmp_path: Path) -> None:
