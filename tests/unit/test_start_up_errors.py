@@ -6,6 +6,7 @@ import os
 import socket
 import subprocess
 import sys
+from collections import deque
 from contextlib import closing
 from pathlib import Path
 from typing import NoReturn, cast
@@ -28,8 +29,10 @@ from hil.values.kst import KstSettings
 from hil.values.link import Address
 from tests.support.held import nothing_left
 from tests.support.processes import own_host
+from tools.campaign import local
 from tools.shadow.comparison import ShadowComparison
 from tools.shadow.live import watch
+from tools.view import chromium
 from transport.capture.errors import CaptureError
 from transport.capture.process import CaptureProcess
 from transport.tcp.sockets import listen
@@ -61,6 +64,31 @@ def test_a_view_that_may_not_be_made_nicer_is_a_view_all_the_same(monkeypatch: p
 
     with nothing_left():
         assert asyncio.run(opened_and_closed()) == 0
+
+
+def test_a_browser_that_cannot_be_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(chromium, "CHROMIUM", "chromium")
+    monkeypatch.setattr(subprocess, "Popen", no_more)
+    with nothing_left(), pytest.raises(EndpointError, match="cannot be started: Too many open files"):
+        chromium.Chromium(tmp_path)
+
+
+def test_a_campaign_worker_that_cannot_be_ended_keeps_no_other() -> None:
+    ended: list[int] = []
+
+    class Worker:
+        def __init__(self, number: int) -> None:
+            self.number = number
+
+        def end(self) -> None:
+            ended.append(self.number)
+            raise ValueError("it still runs")
+
+    pool = local._Pool(deque(), patience_s=1.0, retries=0)
+    pool._staff = [cast("local._Worker", Worker(number)) for number in range(3)]
+    with pytest.raises(ValueError, match="still runs"):
+        pool.end()
+    assert sorted(ended) == [0, 1, 2]
 
 
 class _Closed:
