@@ -19,11 +19,14 @@ import asyncio_dgram
 
 from hil.values.errors import ConfigurationError, EndpointError
 from hil.values.link import Address
+from transport.holders import held_by
 
 ANY_HOST = "0.0.0.0"  # noqa: S104  # compared with, never bound to by default
 RECEIVE_BUFFER_BYTES = 1 << 18
 SERVER_DATAGRAMS_AT_ONCE = 8
 """Read in one pass of the event loop from a socket for many peers. More would let a flood hold up a control cycle."""
+MOST_UNTAKEN = 256
+"""Datagrams that were read from a socket and that nobody took yet; those that come then are dropped and counted."""
 _LONGEST_DATAGRAM_BYTES = 1 << 16
 _SIOCGSTAMPNS = 0x8907
 _TIMESPEC = struct.Struct("@ll")
@@ -55,6 +58,7 @@ class _Channel:
     def __init__(self, sock: socket.socket, *, at_once: int) -> None:
         self.local = Address(*sock.getsockname())
         self.refused = 0
+        self.untaken = 0
         self._socket = sock
         self._at_once = at_once
         self._stream: asyncio_dgram.aio.DatagramStream | None = None
@@ -62,7 +66,9 @@ class _Channel:
 
     async def open(self) -> None:
         """Let asyncio read the socket."""
-        self._stream = await _stream(self._socket, at_once=self._at_once, on_error=self._told_error)
+        self._stream = await _stream(
+            self._socket, at_once=self._at_once, on_error=self._told_error, on_full=self._told_full
+        )
 
     def close(self) -> None:
         """Close the socket; whoever waits for a datagram gets :class:`EndpointClosed`."""
@@ -95,6 +101,9 @@ class _Channel:
     def _told_error(self) -> None:
         self.refused += max(1, _discard_answers(self._socket))
 
+    def _told_full(self) -> None:
+        self.untaken += 1
+
 
 class PeerEndpoint:
     """A bound address that talks to one peer. Make it with :func:`open_peer_endpoint`; ``close`` is idempotent."""
@@ -109,6 +118,11 @@ class PeerEndpoint:
     def refused(self) -> int:
         """Datagrams the peer's machine answered with "nobody listens there", and those that found no way to it."""
         return self._connected.refused
+
+    @property
+    def untaken(self) -> int:
+        """Datagrams that were dropped because too many came before somebody took them."""
+        return self._connected.untaken + self._others.untaken
 
     async def send(self, datagram: bytes) -> None:
         """Send to the peer. That nobody listens there is counted, not raised."""
@@ -140,6 +154,11 @@ class ServerEndpoint:
         """Datagrams that were answered with "nobody listens there", and those that found no way."""
         return self._channel.refused
 
+    @property
+    def untaken(self) -> int:
+        """Datagrams that were dropped because too many came before somebody took them."""
+        return self._channel.untaken
+
     async def send(self, datagram: bytes, destination: Address) -> None:
         """Send to ``destination``. That it cannot be reached is counted, not raised."""
         await self._channel.send(datagram, destination)
@@ -170,7 +189,13 @@ async def open_peer_endpoint(*, bind: Address, peer: Address) -> PeerEndpoint:
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 0)
             sock.setblocking(False)
         _connect(first, peer)
-        connected, others = await _open_channel(first), await _open_channel(second)
+        connected = await _open_channel(first)
+        try:
+            others = await _open_channel(second)
+        except BaseException:
+            # Not only its socket: the event loop would go on looking at it.
+            connected.close()
+            raise
     except BaseException:
         first.close()
         second.close()
@@ -181,7 +206,7 @@ async def open_peer_endpoint(*, bind: Address, peer: Address) -> PeerEndpoint:
 async def open_server_endpoint(bind: Address, *, in_use: str = _SERVED) -> ServerEndpoint:
     """Bind ``bind`` (port 0: any free one) for whoever sends; raise :class:`EndpointError` in one sentence.
 
-    The sentence ends with ``in_use`` where the port is taken.
+    The sentence has ``in_use`` in it where the port is taken, and by whom as far as that can be known.
     """
     sock = _socket()
     try:
@@ -209,15 +234,23 @@ class _Protocol(asyncio_dgram.aio.Protocol):  # type: ignore[misc]  # asyncio-dg
     ``on_error`` at once, because asyncio-dgram would queue them without a bound until somebody sends.
     """
 
-    def __init__(self, *queues: object, sock: socket.socket, at_once: int, on_error: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        *queues: object,
+        sock: socket.socket,
+        at_once: int,
+        on_error: Callable[[], None],
+        on_full: Callable[[], None],
+    ) -> None:
         super().__init__(*queues)
+        self._on_full = on_full
         self._socket = sock
         self._at_once = at_once
         self._on_error = on_error
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         """Queue the datagram with its sender and its time of arrival, and what else has come, as far as allowed."""
-        super().datagram_received(data, (addr, _arrived_unix_ns(self._transport)))
+        self._put(data, addr)
         for _ in range(1, self._at_once):
             try:
                 more, sender = self._socket.recvfrom(_LONGEST_DATAGRAM_BYTES)
@@ -226,7 +259,14 @@ class _Protocol(asyncio_dgram.aio.Protocol):  # type: ignore[misc]  # asyncio-dg
             except OSError:
                 self._on_error()
                 return
-            super().datagram_received(more, (sender, _arrived_unix_ns(self._transport)))
+            self._put(more, sender)
+
+    def _put(self, data: bytes, addr: tuple[str, int]) -> None:
+        # Counted here and not by the queue, which must always have room for the end.
+        if self._recvq.qsize() >= MOST_UNTAKEN:
+            self._on_full()
+        else:
+            super().datagram_received(data, (addr, _arrived_unix_ns(self._transport)))
 
     def error_received(self, exc: Exception) -> None:  # noqa: ARG002  # asyncio's name; the counter needs no reason
         """Tell of a datagram that did not arrive."""
@@ -234,7 +274,7 @@ class _Protocol(asyncio_dgram.aio.Protocol):  # type: ignore[misc]  # asyncio-dg
 
 
 async def _stream(
-    sock: socket.socket, *, at_once: int, on_error: Callable[[], None]
+    sock: socket.socket, *, at_once: int, on_error: Callable[[], None], on_full: Callable[[], None]
 ) -> asyncio_dgram.aio.DatagramStream:
     """Return what ``asyncio_dgram.from_socket`` returns, with arrival times in the place of the address."""
     loop = asyncio.get_running_loop()
@@ -242,7 +282,8 @@ async def _stream(
     errors: asyncio.Queue[Exception] = asyncio.Queue()
     drained = asyncio.Event()
     transport, _ = await loop.create_datagram_endpoint(
-        lambda: _Protocol(received, errors, drained, sock=sock, at_once=at_once, on_error=on_error), sock=sock
+        lambda: _Protocol(received, errors, drained, sock=sock, at_once=at_once, on_error=on_error, on_full=on_full),
+        sock=sock,
     )
     # The first question makes the kernel begin to stamp; the first answers may be the time of asking.
     _arrived_unix_ns(transport)
@@ -341,11 +382,11 @@ def parse_address(text: str, *, default_port: int, resolve: bool = True) -> Addr
 
 
 def bind_socket(sock: socket.socket, address: Address, *, in_use: str) -> None:
-    """Bind ``sock``; raise :class:`EndpointError` in one sentence that ends with ``in_use`` if the port is taken."""
+    """Bind ``sock``; raise :class:`EndpointError` in one sentence with ``in_use``, and by whom, if it is taken."""
     try:
         sock.bind(address)
     except OSError as error:
-        hint = in_use if error.errno == errno.EADDRINUSE else ""
+        hint = in_use + held_by("udp", address) if error.errno == errno.EADDRINUSE else ""
         raise EndpointError(f"cannot bind UDP {address}: {error.strerror}{hint}") from error
 
 

@@ -3,6 +3,7 @@
 import contextlib
 import os
 import socket
+import subprocess
 import tempfile
 from pathlib import Path
 from typing import Annotated
@@ -34,14 +35,19 @@ def start(
     with PadClient(socket_path) as pad, tempfile.TemporaryDirectory(prefix="hil-capture-") as folder:
         place = Path(folder) / "writer.sock"
         is_new = not file.exists()
-        _start_writer(file, place)
-        # The writer ends by itself when nobody connects.
+        writer = _start_writer(file, place)
         try:
             told = pad.start_capture(place, file.absolute(), ring)
         except PadRefused:
+            # It would wait for a while for somebody to connect, and nobody else could have the file meanwhile.
+            writer.kill()
+            writer.wait()
             if is_new:
                 file.unlink(missing_ok=True)
             raise
+        finally:
+            # It lives on without us, which is no error of ours at the end of this process.
+            writer.returncode = 0
     typer.echo(f"recording to {told['path']}; hil capture stop ends it, and so does the end of the run")
 
 
@@ -70,19 +76,17 @@ def status(socket_path: Socket = None) -> None:
         _show(told)
 
 
-def _start_writer(file: Path, place: Path) -> None:
+def _start_writer(file: Path, place: Path) -> subprocess.Popen[bytes]:
     """Start the process that writes: nothing may be started in the controller, whose cycles it would cost."""
     file_fd = create_file(file, keep=True)
     try:
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
             listener.bind(str(place))
             listener.listen(1)
-            process = start_writer(file, socket_fd=listener.fileno(), file_fd=file_fd, listens=True, detached=True)
+            return start_writer(file, socket_fd=listener.fileno(), file_fd=file_fd, listens=True, detached=True)
     finally:
         with contextlib.suppress(OSError):
             os.close(file_fd)
-    # It lives on without us, which is no error of ours at the end of this process.
-    process.returncode = 0
 
 
 def _show(told: CaptureInfo) -> None:

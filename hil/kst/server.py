@@ -183,7 +183,10 @@ class KstServer:
         except Exception as error:  # noqa: BLE001  # the next client is served all the same
             self._tell(f"the session of {peer} failed, which is a fault of the server: {error!r}")
         finally:
-            await robot.close()
+            try:
+                await robot.close()
+            except Exception as error:  # noqa: BLE001  # the next client is served all the same
+                self._tell(f"the session of {peer} did not end in order: {error!r}")
             _close(sock)
             self._note(self._visit)
             self._visit = self._task = None
@@ -199,12 +202,9 @@ class KstServer:
         session, connection, arm = visit.session, visit.connection, visit.arm
         self._visit = visit
         self._tell(f"{peer} is served")
-        lost = self._loop.create_task(self._watch(visit, robot))
         try:
-            await connection.over.wait()
+            await self._watch(visit, robot)
         finally:
-            lost.cancel()
-            await asyncio.gather(lost, return_exceptions=True)
             connection.end("the controller ends")
             _close(sock)
             moving = session.busy
@@ -228,8 +228,12 @@ class KstServer:
         settings, clock = self.settings, self._clock
 
         def ended(ended: Ended) -> None:
-            visit.session.ended(ended, now_ns=clock.now_ns())
-            visit.connection.work()
+            try:
+                visit.session.ended(ended, now_ns=clock.now_ns())
+                visit.connection.work()
+            except Exception as error:  # noqa: BLE001  # nobody else looks at the arm's task, and a client waits
+                self._tell(f"the session of {peer} failed, which is a fault of the server: {error!r}")
+                visit.connection.end("the server failed")
 
         arm = ServoArm(robot, settings, ended=ended, tell=self._tell, now_ns=clock.now_ns)
         kind = OriginalSession if settings.strict else KstSession

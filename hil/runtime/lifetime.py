@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from hil.values.errors import ConfigurationError
+from transport.claims import claim_file
 
 
 @contextmanager
@@ -54,6 +55,32 @@ def check_result_file(file: Path | None) -> None:
         raise ConfigurationError(f"cannot write {file}: that is a folder")
     if not os.access(file if file.exists() else file.parent, os.W_OK):
         raise ConfigurationError(f"cannot write {file}: permission denied")
+
+
+@contextmanager
+def claimed_result_file(file: Path | None) -> Iterator[None]:
+    """Let no other process have ``file`` for its results meanwhile; raise :class:`ConfigurationError` where one has.
+
+    What is neither a file nor to become one, a device or a pipe, is not claimed. A file that was made for the claim and
+    got no result is removed.
+    """
+    if file is None or (file.exists() and not file.is_file()):
+        yield
+        return
+    is_new = not file.exists()
+    try:
+        descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    except OSError as error:
+        raise ConfigurationError(f"cannot write {file}: {error.strerror or error}") from error
+    try:
+        if holder := claim_file(descriptor):
+            is_new = False
+            raise ConfigurationError(f"cannot write {file}: {holder} writes its results there; choose another file")
+        yield
+    finally:
+        if is_new and not os.fstat(descriptor).st_size:
+            file.unlink(missing_ok=True)
+        os.close(descriptor)
 
 
 def write_result_file(file: Path | None, result: object) -> None:

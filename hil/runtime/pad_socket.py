@@ -3,11 +3,13 @@
 import os
 import socket
 import stat
+import struct
 from contextlib import suppress
 from pathlib import Path
 
 from hil.client.pad_folder import checked_socket_path, listens, make_socket_folder, process_of
 from hil.values.errors import ConfigurationError
+from transport.holders import told_process
 
 
 class PadSocket:
@@ -62,7 +64,24 @@ def _make_room(path: Path) -> None:
     except OSError as error:
         raise ConfigurationError(f"the pad's socket {path} cannot be taken: {error.strerror}") from error
     if taken:
-        raise ConfigurationError(f"a controller listens at {path} already; give --pad another path")
+        process = _listener(path)
+        who = "" if process is None else f", {told_process(process)}"
+        raise ConfigurationError(f"a controller listens at {path} already{who}; give --pad another path")
+
+
+def _listener(path: Path) -> int | None:
+    """Return the process that listens there; None where the system does not tell."""
+    option = getattr(socket, "SO_PEERCRED", None)
+    if option is None:
+        return None
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as trial:
+        trial.setblocking(False)
+        try:
+            trial.connect(str(path))
+            process, _, _ = struct.unpack("3i", trial.getsockopt(socket.SOL_SOCKET, option, struct.calcsize("3i")))
+        except OSError:
+            return None
+    return int(process) or None
 
 
 def _remove_dead(folder: Path) -> None:

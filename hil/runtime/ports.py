@@ -19,6 +19,10 @@ class Port(Protocol):
     def local(self) -> Address:
         """Where it is bound."""
 
+    @property
+    def untaken(self) -> int:
+        """Datagrams that were dropped because too many came before the core took them."""
+
     def listen(self, group: asyncio.TaskGroup, take: Taker, *, robot: str) -> list[asyncio.Task[None]]:
         """Start the tasks that hand every datagram to ``take``, until the port is closed."""
 
@@ -39,6 +43,11 @@ class FriPort:
     def local(self) -> Address:
         """Where the client is served from."""
         return self.endpoint.local
+
+    @property
+    def untaken(self) -> int:
+        """Datagrams that were dropped because too many came before the core took them."""
+        return self.endpoint.untaken
 
     def listen(self, group: asyncio.TaskGroup, take: Taker, *, robot: str) -> list[asyncio.Task[None]]:
         """Listen to the client and to strangers."""
@@ -70,6 +79,11 @@ class _ServerPort:
     def local(self) -> Address:
         """Where it is bound."""
         return self.endpoint.local
+
+    @property
+    def untaken(self) -> int:
+        """Datagrams that were dropped because too many came before the core took them."""
+        return self.endpoint.untaken
 
     def listen(self, group: asyncio.TaskGroup, take: Taker, *, robot: str) -> list[asyncio.Task[None]]:
         """Listen to whoever sends; the core knows who is believed."""

@@ -3,6 +3,7 @@
 import asyncio
 import os
 from collections.abc import Callable
+from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from hil.clock import Clock, elapsed_ns, let_others_run, unix_time_ns
@@ -232,12 +233,13 @@ class RobotProcess:
 
     def close(self) -> None:
         """Release sockets, robot side and what runs beside it."""
-        if self.kst is not None:
-            self.kst.close()
-        for port in self._ports.values():
-            port.close()
-        if self._parts is not None:
-            self._parts.backend.close()
+        with ExitStack() as closing:  # from the last line to the first, and all of it, also where one of them raises
+            if self._parts is not None:
+                closing.callback(self._parts.backend.close)
+            for port in self._ports.values():
+                closing.callback(port.close)
+            if self.kst is not None:
+                closing.callback(self.kst.close)
 
     def report(self) -> dict[str, object]:
         """Return this robot's part of the status file."""
@@ -249,6 +251,7 @@ class RobotProcess:
             **self.controller.report(),
             "fri": self._fri_report(),
             "kst": self.kst_report(),
+            "untaken": {link: port.untaken for link, port in self._ports.items()},
             "servo_bound": str(bound) if (bound := self.local_address(SERVO_LINK)) is not None else None,
         }
 

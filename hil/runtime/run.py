@@ -1,6 +1,7 @@
 """Run a station: open everything, serve until asked to stop, close everything, report."""
 
 import asyncio
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,7 +15,13 @@ from hil.core.servo.link import SERVO_LINK
 from hil.runtime.assembly import link_addresses, robot_description
 from hil.runtime.console import Console
 from hil.runtime.garbage import Garbage, no_automatic_collection
-from hil.runtime.lifetime import check_result_file, repeated, stop_on_signals, write_result_file
+from hil.runtime.lifetime import (
+    check_result_file,
+    claimed_result_file,
+    repeated,
+    stop_on_signals,
+    write_result_file,
+)
 from hil.runtime.measurements import RunMeasurements
 from hil.runtime.operator_channel import OperatorChannel
 from hil.runtime.progress import progress_line
@@ -57,7 +64,8 @@ class RunResult:
 def run_station(station: Station, options: RunOptions) -> RunResult:
     """Run until SIGINT, SIGTERM or the duration ends it. Raises HilError when it cannot start."""
     _check_status_file(options.status_json, capture=station.capture)
-    return asyncio.run(_Run(station, options).run())
+    with claimed_result_file(options.status_json):
+        return asyncio.run(_Run(station, options).run())
 
 
 class _Run:
@@ -107,18 +115,26 @@ class _Run:
             with no_automatic_collection():
                 fault = await self._serve()
         finally:
-            if self._probe is not None:
-                self._probe.close()
-            if self._view is not None:
-                self._view.close()
-            if self._pad is not None:
-                self._pad.close()
-            for robot in self._robots:
-                robot.close()
-            if self._captures is not None:
-                capture = self._captures.close()
-            self._console.close()
+            capture = self._close()
         return RunResult(self._status(fault, capture), fault)
+
+    def _close(self) -> dict[str, object] | None:
+        """Close everything, also where one of them raises; return what became of the capture."""
+        capture: dict[str, object] | None = None
+
+        def end_capture() -> None:
+            nonlocal capture
+            capture = None if self._captures is None else self._captures.close()
+
+        with ExitStack() as closing:  # from the last line to the first: the robots' last words are in the capture
+            closing.callback(self._console.close)
+            closing.callback(end_capture)
+            for robot in reversed(self._robots):
+                closing.callback(robot.close)
+            for part in (self._pad, self._view, self._probe):
+                if part is not None:
+                    closing.callback(part.close)
+        return capture
 
     def _robot(self, number: int, config: RobotConfig) -> RobotProcess:
         return RobotProcess(

@@ -7,6 +7,7 @@ import asyncio
 import os
 import subprocess
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -62,7 +63,8 @@ class ViewProcess:
             raise EndpointError(f"the view's process cannot be started: {error.strerror or error}") from error
         # Nicer than we are, who may be nice ourselves: the other way is not allowed to everybody.
         nice = min(os.getpriority(os.PRIO_PROCESS, 0) + _NICER, _NICEST)
-        os.setpriority(os.PRIO_PROCESS, self._process.pid, nice)
+        with suppress(OSError):  # a sandbox may forbid it; the page is served all the same
+            os.setpriority(os.PRIO_PROCESS, self._process.pid, nice)
         self._open = True
         if self._process.stdout is not None:
             self._loop.add_reader(self._process.stdout.fileno(), self._ended_early)

@@ -58,14 +58,15 @@ class HilProcess:
         try:
             lines = self._child.wait_for(_READY)
             self._pad.connect()
+            if found := re.search(r"applications at (\S+),", "".join(lines)):
+                self._addresses["servo"] = found[1]
+            if robot.kst is not None:
+                [served] = self._pad.kst().values()
+                self._addresses["kst"] = "" if served is None else str(served["address"])
         except BaseException:
+            self._pad.close()
             self._child.end(signal.SIGKILL)
             raise
-        if found := re.search(r"applications at (\S+),", "".join(lines)):
-            self._addresses["servo"] = found[1]
-        if robot.kst is not None:
-            [served] = self._pad.kst().values()
-            self._addresses["kst"] = "" if served is None else str(served["address"])
         self.operator: Operator = _PadOperator(self._pad)
         """The operator's pad."""
 

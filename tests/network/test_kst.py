@@ -141,7 +141,9 @@ def test_a_client_that_does_not_read_is_let_go(running: Running) -> None:
         link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         with pytest.raises(OSError, match=r"Broken pipe|reset"):
             link.sendall(b"getJointsPositions\n" * 1_000_000)
-    told(running, "is served no more: the client does not read its replies")
+    line = told(running, "is served no more: ")
+    # On a machine that is held up for ten seconds the kernel gives the connection up before the server does.
+    assert "the client does not read its replies" in line or "Connection timed out" in line
 
 
 def test_lines_as_fast_as_they_can_come_are_answered_one_by_one(running: Running) -> None:

@@ -65,7 +65,10 @@ def main(  # noqa: PLR0917
     if ordeals:
         _print_real(console, ordeals)
     told = {
-        "virtual": None if found is None else asdict(found),
+        # asdict makes nonsense of a Counter in this Python.
+        "virtual": None
+        if found is None
+        else {**vars(found), "done": dict(found.done), "refusals": dict(found.refusals)},
         "real": [asdict(one) for one in ordeals],
         "findings": findings,
     }

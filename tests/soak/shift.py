@@ -134,7 +134,10 @@ class Shift:
             weights, actions = zip(*pieces, strict=True)
             every_s = self._seconds / max(self._reconnects, 1)
             next_s = every_s
-            while controller.now_s < self._seconds:
+            latest_s = 2.0 * self._seconds
+            while controller.now_s < self._seconds or (
+                self.report.reconnects < self._reconnects and controller.now_s < latest_s
+            ):
                 if controller.now_s >= next_s:
                     next_s += every_s
                     self._reconnect()

@@ -13,6 +13,8 @@ from typing import Any
 
 ROOT = Path(__file__).parents[2]
 PROBE = ROOT.parent / "shared" / "tools" / "fri_probe.py"
+WARNINGS = {"PYTHONWARNINGS": "error::ResourceWarning"}
+"""For processes and for those they start themselves: what was not closed is told, and :func:`finish` looks for it."""
 _hosts = itertools.count(10)
 
 
@@ -43,7 +45,7 @@ def hil(
         stderr=subprocess.PIPE,
         text=True,
         cwd=ROOT,
-        env=None if environment is None else {**os.environ, **environment},
+        env={**os.environ, **WARNINGS, **(environment or {})},
     )
 
 
@@ -76,6 +78,7 @@ def finish(process: "subprocess.Popen[str]", *, timeout_s: float = 40.0, interru
         process.kill()
         out, err = process.communicate()
         raise AssertionError(f"{process.args!r} did not end\n{out}\n{err}") from None
+    assert "ResourceWarning" not in (err or ""), err
     return Ended(process.returncode, out, err)
 
 

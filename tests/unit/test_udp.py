@@ -12,7 +12,9 @@ from hil.clock import let_others_run, unix_time_ns
 from hil.values.errors import ConfigurationError, EndpointError
 from hil.values.link import Address
 from tests.support.processes import own_host
+from transport import udp as udp_endpoints
 from transport.udp import (
+    MOST_UNTAKEN,
     SERVER_DATAGRAMS_AT_ONCE,
     EndpointClosed,
     PeerEndpoint,
@@ -280,3 +282,48 @@ def test_defaults_and_addresses() -> None:
     for text in ("127.0.0.1:x", "127.0.0.1:3_0", "127.0.0.1:99999", "no.such.host.invalid", "a" * 300):
         with pytest.raises(ConfigurationError, match=text[:20]):
             parse_address(text, default_port=1)
+
+
+async def test_what_nobody_takes_is_bounded_counted_and_does_not_hide_the_end() -> None:
+    with udp(own_host()) as stranger:
+        endpoint = await open_server_endpoint(Address(own_host(), 0))
+        for number in range(MOST_UNTAKEN + 40):
+            stranger.sendto(number.to_bytes(2, "big"), endpoint.local)
+            # A pass of the event loop for each: the kernel's buffer is not what bounds it.
+            await let_others_run(1)
+        await let_others_run(8)
+        assert endpoint.untaken == 40
+        taken = [int.from_bytes((await endpoint.receive()).datagram, "big") for _ in range(MOST_UNTAKEN - 1)]
+        assert taken == list(range(MOST_UNTAKEN - 1))
+        stranger.sendto(b"there is room again", endpoint.local)
+        await let_others_run(8)
+        assert (await endpoint.receive()).datagram == (MOST_UNTAKEN - 1).to_bytes(2, "big")
+        assert (await endpoint.receive()).datagram == b"there is room again"
+        for _ in range(MOST_UNTAKEN):
+            stranger.sendto(b"full", endpoint.local)
+            await let_others_run(1)
+        waiting = asyncio.ensure_future(endpoint.receive())
+        endpoint.close()
+        with contextlib.suppress(EndpointClosed):
+            await waiting
+        with pytest.raises(EndpointClosed):
+            await endpoint.receive()
+
+
+async def test_a_second_socket_that_cannot_be_read_closes_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[udp_endpoints._Channel] = []
+    whole = udp_endpoints._open_channel
+
+    async def fails_second(sock: socket.socket) -> udp_endpoints._Channel:
+        if opened:
+            raise OSError("no descriptor is left")
+        opened.append(await whole(sock))
+        return opened[0]
+
+    monkeypatch.setattr(udp_endpoints, "_open_channel", fails_second)
+    host = own_host()
+    with udp(host) as peer:
+        with pytest.raises(OSError, match="no descriptor"):
+            await open_peer_endpoint(bind=Address(host, 0), peer=address_of(peer))
+        with pytest.raises(EndpointClosed):
+            await opened[0].receive()

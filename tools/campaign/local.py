@@ -102,9 +102,10 @@ class _Pool:
             self._staff.append(_Worker())
 
     def end(self) -> None:
-        """End all of them."""
-        for worker in self._staff:
-            worker.end()
+        """End all of them, also where one cannot be ended."""
+        with contextlib.ExitStack() as ending:
+            for worker in self._staff:
+                ending.callback(worker.end)
 
     def rows(self) -> Iterator[Row]:
         """Yield a row for each scenario."""

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
+from contextlib import ExitStack
 from typing import Any
 
 from backends.cabinet.backend import CabinetBackend
@@ -30,10 +31,26 @@ async def watch(
     Raises :class:`BackendError` in one sentence where no Cabinet came, or none that can be watched.
     """
     link = CabinetBackend(options, cycle_ns=_NS_PER_MS)
-    endpoint = await open_server_endpoint(link.link.bind, in_use=_IN_USE)
+    with ExitStack() as closing:
+        closing.callback(comparison.close)
+        closing.callback(link.close)
+        endpoint = await open_server_endpoint(link.link.bind, in_use=_IN_USE)
+        closing.callback(endpoint.close)
+        tell(f"waiting for a Cabinet at UDP {endpoint.local}, {options.connect_s:g} s at most")
+        watcher = _Watcher(link, endpoint, comparison, clock or MonotonicClock())
+        await _watch(watcher, link, options, seconds=seconds, tell=tell)
+    return link
+
+
+async def _watch(
+    watcher: "_Watcher",
+    link: CabinetBackend,
+    options: CabinetOptions,
+    *,
+    seconds: float | None,
+    tell: Callable[[str], None],
+) -> None:
     stop = asyncio.Event()
-    watcher = _Watcher(link, endpoint, comparison, clock or MonotonicClock())
-    tell(f"waiting for a Cabinet at UDP {endpoint.local}, {options.connect_s:g} s at most")
     reader = asyncio.create_task(watcher.read())
     stopped = asyncio.create_task(stop.wait())
     try:
@@ -52,10 +69,6 @@ async def watch(
             task.cancel()
         await asyncio.gather(reader, stopped, return_exceptions=True)
         watcher.ready.cancel()
-        endpoint.close()
-        link.close()
-        comparison.close()
-    return link
 
 
 class _Watcher:

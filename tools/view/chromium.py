@@ -43,19 +43,25 @@ class Chromium:
         rules = ", ".join(["MAP * ~NOTFOUND", *(f"EXCLUDE {host}" for host in reaches)])
         told, self._tell = os.pipe()
         self._hear, heard = os.pipe()
-        self._process = subprocess.Popen(
-            [
-                sys.executable, "-c", _BY_PIPE, str(told), str(heard), CHROMIUM,
-                "--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--no-first-run",
-                "--disable-background-networking", "--disable-component-update", "--disable-sync",
-                "--disable-extensions", f"--host-resolver-rules={rules}", "--remote-debugging-pipe",
-                "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-                f"--user-data-dir={folder / 'profile'}", "about:blank",
-            ],
-            pass_fds=(told, heard), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
-        os.close(told)
-        os.close(heard)
+        try:
+            self._process = subprocess.Popen(
+                [
+                    sys.executable, "-c", _BY_PIPE, str(told), str(heard), CHROMIUM,
+                    "--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--no-first-run",
+                    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+                    "--disable-extensions", f"--host-resolver-rules={rules}", "--remote-debugging-pipe",
+                    "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+                    f"--user-data-dir={folder / 'profile'}", "about:blank",
+                ],
+                pass_fds=(told, heard), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            )  # fmt: skip
+        except OSError as error:
+            os.close(self._tell)
+            os.close(self._hear)
+            raise EndpointError(f"Chromium cannot be started: {error.strerror or error}") from error
+        finally:
+            os.close(told)
+            os.close(heard)
         self._buffer = b""
         self._number = 0
         self.events: list[dict[str, Any]] = []

@@ -145,11 +145,13 @@ class Jogger:
             connect_timeout_s=_ADMISSION_S,
         ) as client:
             over = threading.Event()
-            threading.Thread(target=self._end_late, args=(client, over), name="ends a jog", daemon=True).start()
+            ending = threading.Thread(target=self._end_late, args=(client, over), name="ends a jog", daemon=True)
+            ending.start()
             try:
                 self._lead(client, key)
             finally:
                 over.set()
+                ending.join()
 
     def _end_late(self, client: ServoClient, over: threading.Event) -> None:
         """End a session that outlives its key: a request waits as long as the operator's start does (manual 9.1.2)."""

@@ -7,8 +7,9 @@ end of the stream as its order to finish, so the file is completed however this 
 
 import os
 import socket
+import stat
 import subprocess
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -18,6 +19,7 @@ from transport.capture.comment import encode_comment
 from transport.capture.errors import CaptureError, cannot_create
 from transport.capture.link import CaptureLink, CaptureSummary
 from transport.child import module_command, module_environment, terminal_signals_blocked
+from transport.claims import claim_file
 
 _WRITER = "transport.capture.writer_main"
 
@@ -87,28 +89,37 @@ class CaptureProcess(CaptureLink):
 
 
 def _start_writer(path: Path) -> tuple[socket.socket, subprocess.Popen[bytes]]:
-    file_fd = create_file(path)
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    try:
+    with ExitStack() as ours_only, ExitStack() as copied:
+        file_fd = create_file(path)
+        copied.callback(os.close, file_fd)
+        try:
+            ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        except OSError as error:
+            raise CaptureError(path, f"the writing process cannot be reached: {error.strerror or error}") from error
+        ours_only.callback(ours.close)
+        copied.callback(theirs.close)
         process = start_writer(path, socket_fd=theirs.fileno(), file_fd=file_fd)
-    except CaptureError:
-        ours.close()
-        raise
-    finally:
-        theirs.close()
-        os.close(file_fd)
+        ours_only.pop_all()
     return ours, process
 
 
 def create_file(path: Path, *, keep: bool = False) -> int:
-    """Create or empty ``path`` and return its descriptor; raise ``CaptureError``.
+    """Create or empty ``path`` and return its descriptor; raise ``CaptureError``, also while another process writes it.
 
     ``keep``: what an existing file holds stays until a recorder connects to the writer that listens.
     """
     try:
-        return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | (0 if keep else os.O_TRUNC), 0o666)
+        file_fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o666)
     except OSError as error:
         raise cannot_create(path, error) from error
+    with ExitStack() as refused:
+        refused.callback(os.close, file_fd)
+        if holder := claim_file(file_fd):
+            raise CaptureError(path, f"{holder} records to it; choose another file")
+        if not keep and stat.S_ISREG(os.fstat(file_fd).st_mode):
+            os.ftruncate(file_fd, 0)
+        refused.pop_all()
+    return file_fd
 
 
 def start_writer(

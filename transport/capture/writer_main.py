@@ -6,6 +6,7 @@ is closed, by the recorder or by the recorder's death, and then answers with one
 Ctrl-C that ends the run and writes what was sent before.
 """
 
+import errno
 import io
 import json
 import os
@@ -20,6 +21,7 @@ from typing import Final
 from transport.capture.batches import MAX_MESSAGE_BYTES, Opening, unpack_batch, unpack_opening
 from transport.capture.parts import part_path
 from transport.capture.writing import PcapngWriter
+from transport.claims import claim_file
 
 _NICENESS: Final = 10
 _CONNECT_WITHIN_S: Final = 10.0
@@ -99,7 +101,11 @@ class Recording:
             return
         self._part += 1
         path = part_path(self._path, self._part)
-        next_fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
+        next_fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        if holder := claim_file(next_fd):
+            os.close(next_fd)
+            raise OSError(errno.EBUSY, f"{holder} records to {path.name}")
+        os.ftruncate(next_fd, 0)
         os.close(self._file_fd)
         self._file_fd, self._size = next_fd, 0
         self._kept.append((path, 0))

@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 
 from hil.values.errors import ConfigurationError, EndpointError
 from hil.values.link import Address
+from transport.holders import held_by
 from transport.udp import parse_address
 
 CAN_QUICK_ACK: Final = hasattr(socket, "TCP_QUICKACK")
@@ -122,6 +123,8 @@ def listen(address: Address, *, backlog: int) -> socket.socket:
         sock.setblocking(False)
     except OSError as error:
         sock.close()
-        hint = "; another program listens there: choose another port" if error.errno == errno.EADDRINUSE else ""
+        hint = ""
+        if error.errno == errno.EADDRINUSE:
+            hint = "; another program listens there: choose another port" + held_by("tcp", address)
         raise EndpointError(f"cannot listen at TCP {address}: {error.strerror}{hint}") from error
     return sock
