@@ -51,6 +51,8 @@ def taken(controller: Served, kind: type[Any]) -> list[Any]:
 def test_a_motion_tells_its_mode_and_what_it_moves(
     controller: Served, make: Callable[[], SmartServo | DirectServo | PTP]
 ) -> None:
+    # What has ended may be changed, and started again: it is to be on its way.
+    controller.do(lambda stand_in: setattr(stand_in, "holds", True))
     with ServoClient(controller.address) as robot:
         motion = make()
         assert motion.set_mode(SOFT) is motion
