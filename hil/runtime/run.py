@@ -1,6 +1,7 @@
 """Run a station: open everything, serve until asked to stop, close everything, report."""
 
 import asyncio
+import gc
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -106,13 +107,15 @@ class _Run:
             self._pad = self._open_pad()
             self._view = self._open_view()
             self._wishes = ask_for_realtime() if self._station.realtime else []
-            self._start()
-            if self._captures is not None:
-                self._captures.begin()
-            if self._pad is not None:
-                await self._pad.serve()
-            self._say_start()
+            # Before the time axes begin: the first collection takes longer than a cycle.
             with no_automatic_collection():
+                self._start()
+                gc.freeze()
+                if self._captures is not None:
+                    self._captures.begin()
+                if self._pad is not None:
+                    await self._pad.serve()
+                self._say_start()
                 fault = await self._serve()
         finally:
             capture = self._close()
