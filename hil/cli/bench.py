@@ -430,6 +430,7 @@ def arms(  # noqa: PLR0917  # typer makes the options of the parameters
     listening: Annotated[bool, typer.Option("--listening", help="FRI clients only listen: no answers.")] = False,
     capture: Annotated[bool, typer.Option("--capture", help="Record all packets meanwhile.")] = False,
     load: Annotated[bool, typer.Option("--load", help="With the last core kept busy.")] = False,
+    realtime: Annotated[bool, typer.Option("--realtime", help="Ask for real-time scheduling.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """How many arms keep 1 kHz: 1, 2, 4 and 8 of them in one process, and 8 in two; an FRI client commands each."""
@@ -445,7 +446,7 @@ def arms(  # noqa: PLR0917  # typer makes the options of the parameters
             robot=robot,
             backend=backend,
             seconds=seconds,
-            beside=Beside(listening=listening, capture=capture, load=load),
+            beside=Beside(listening, capture, load, realtime),
             progress=lambda done: bar.update(task, completed=done),
         )
     bounds = bounds_of(reports)

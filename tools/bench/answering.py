@@ -1,8 +1,11 @@
-"""FRI clients of many arms in one process: ``python -m tools.bench.answering HOST PORT...`` mirrors until it is ended.
+"""FRI clients of many arms in one process: ``python -m tools.bench.answering PARENT HOST PORT...``.
+
+It ends when PARENT, who started it, is gone: nobody else ends it where a benchmark was killed.
 
 Each answers every message at once with the interpolator's position: the least a client can do that commands its arm.
 """
 
+import os
 import selectors
 import socket
 import sys
@@ -16,15 +19,15 @@ _MOST_BYTES = 2048
 
 def main() -> None:
     """Serve every port."""
-    host, ports = sys.argv[1], [int(port) for port in sys.argv[2:]]
+    parent, host, ports = int(sys.argv[1]), sys.argv[2], [int(port) for port in sys.argv[3:]]
     with ExitStack() as stack:
         selector = stack.enter_context(selectors.DefaultSelector())
         for port in ports:
             client = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
             client.bind((host, port))
             selector.register(client, selectors.EVENT_READ, ClientSession(Release.V1_15, FriHandler()))
-        while True:
-            for key, _ in selector.select():
+        while os.getppid() == parent:
+            for key, _ in selector.select(1.0):
                 client = key.fileobj  # type: ignore[assignment]  # nothing else is registered
                 datagram, controller = client.recvfrom(_MOST_BYTES)
                 answer = key.data.receive(datagram)

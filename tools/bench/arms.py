@@ -6,6 +6,7 @@ controller's own work without answers.
 """
 
 import json
+import os
 import socket
 import subprocess
 import tempfile
@@ -34,6 +35,8 @@ class Beside:
     listening: bool = False
     capture: bool = False
     load: bool = False
+    realtime: bool = False
+    """Ask for real-time scheduling."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +50,7 @@ class ArmsReport:
     missed_percent: float
     cycle_p50_us: float
     commanding: int
-    """Arms whose client had them in COMMANDING_ACTIVE at the end."""
+    """Arms whose client got them once, and kept them to the end."""
 
     @property
     def keeps_pace(self) -> bool:
@@ -112,6 +115,8 @@ def _run(  # noqa: PLR0917
             arguments = ["run", station, "--duration", seconds + _SETTLE_S, "--settle", _SETTLE_S, "--pad", "off"]
             if beside.capture:
                 arguments += ["--capture", Path(folder, f"{place}.pcapng")]
+            if beside.realtime:
+                arguments.append("--realtime")
             running.append(
                 (start_process("hil.cli.main", *arguments, "--status-json", status, "--progress", 0), status)
             )
@@ -133,11 +138,8 @@ def _run(  # noqa: PLR0917
 
 
 def _commanded(robot: dict[str, Any]) -> bool:
-    """Whether the client had its arm until the run ended."""
-    history = robot["session"]["history"]
-    return any(change["to"] == "COMMANDING_ACTIVE" for change in history) and not any(
-        change["from"] == "COMMANDING_ACTIVE" and change["to"] != "IDLE" for change in history
-    )
+    """Whether the client got its arm, and kept it to the end: it never had to come back."""
+    return sum(change["to"] == "COMMANDING_ACTIVE" for change in robot["session"]["history"]) == 1
 
 
 def _clients(arms: int, stack: ExitStack, *, listening: bool) -> list[int]:
@@ -148,7 +150,7 @@ def _clients(arms: int, stack: ExitStack, *, listening: bool) -> list[int]:
             client.bind((_HOST, 0))
         return [client.getsockname()[1] for client in sockets]
     ports = [free_port(_HOST) for _ in range(arms)]
-    process = start_process("tools.bench.answering", _HOST, *ports)
+    process = start_process("tools.bench.answering", os.getpid(), _HOST, *ports)
     stack.callback(_kill, [process])
     return ports
 

@@ -36,7 +36,7 @@ def wait_for_end(process: "subprocess.Popen[bytes]", at_most_s: float, progress:
 def burning_core() -> Iterator[None]:
     """Keep the last core of this machine busy until the block ends."""
     cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else [0]
-    process = start_process("tools.bench.burn", cores[-1])
+    process = start_process("tools.bench.burn", os.getpid(), cores[-1])
     try:
         yield
     finally:
