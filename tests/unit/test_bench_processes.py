@@ -1,6 +1,7 @@
 """Processes that a benchmark has beside it do not outlive it, however it ends."""
 
 import os
+import select
 import subprocess
 import sys
 
@@ -25,8 +26,6 @@ def test_they_end_with_who_started_them(arguments: tuple[str, ...]) -> None:
         descriptor = os.pidfd_open(child)
         starter.kill()
     try:
-        import select
-
         assert select.select([descriptor], [], [], 10.0)[0], "it burns on, with nobody to end it"
     finally:
         os.close(descriptor)

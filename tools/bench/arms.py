@@ -139,7 +139,8 @@ def _run(  # noqa: PLR0917
 
 def _commanded(robot: dict[str, Any]) -> bool:
     """Whether the client got its arm, and kept it to the end: it never had to come back."""
-    return sum(change["to"] == "COMMANDING_ACTIVE" for change in robot["session"]["history"]) == 1
+    begun = sum(1 for change in robot["session"]["history"] if change["to"] == "COMMANDING_ACTIVE")
+    return begun == 1
 
 
 def _clients(arms: int, stack: ExitStack, *, listening: bool) -> list[int]:
