@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from hil.runtime.tcp_probe import TcpProbe
 
 NO_PAD = "off"
-START_DELAY_NS = 5_000_000
+START_DELAY_NS = 20_000_000
 """Between the decision to start and the first cycle, so that the first one is not late already."""
 
 
