@@ -38,8 +38,11 @@ if TYPE_CHECKING:
     from hil.runtime.tcp_probe import TcpProbe
 
 NO_PAD = "off"
-START_DELAY_NS = 20_000_000
-"""Between the decision to start and the first cycle, so that the first one is not late already."""
+START_DELAY_NS = 5_000_000
+"""Between the decision to start and the first cycle, so that the first one is not late already.
+
+Not longer: a robot side that paces the cycle speaks meanwhile, and nothing can be used before time 0.
+"""
 
 
 @dataclass(frozen=True, slots=True)
