@@ -11,7 +11,7 @@ from hil.values.errors import BackendError
 from hil.values.fri import Release, SessionState
 from tests.fuzz.sessions import pieces, script
 from tests.fuzz.target import Target, refusal
-from tests.unit.test_cabinet_backend import CABINET, MS, STILL, STRANGER, Link
+from tests.support.cabinet_link import CABINET, MS, STILL, STRANGER, Link
 
 _PERIOD_NS = 4_000_000
 
