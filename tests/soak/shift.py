@@ -8,21 +8,16 @@ program must get the arm to where it wants it, or something stayed behind.
 import math
 import random
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
-
-import pytest
 
 from backends.robots import load_pinocchio
 from hil.client.fri import Command, FriHandler, FriState
 from hil.client.servo import PTP, DirectServo, Role, ServoClient, SmartServo
 from hil.config.station import RobotConfig
 from hil.core.model import ArmModel
-from hil.runtime.assembly import RobotParts, open_parts
-from hil.testkit import _world
 from hil.testkit.controller import VirtualController
 from hil.values.arm import JointCommand
 from hil.values.errors import HilError
@@ -57,36 +52,26 @@ class ShiftReport:
     stops: int = 0
 
 
-@contextmanager
-def lawful(laws: "list[Laws]", where: dict[str, VirtualController]) -> Iterator[None]:
-    """Let every arm that is opened hold what it is told against the laws."""
+def held_against_the_laws(controller: VirtualController) -> Laws:
+    """Let every command that reaches the arm of ``controller`` be held against the laws from now on."""
+    world = controller._world
+    core, backend = world.core, world.parts.backend
+    law = Laws(world.parts.description.limits, ArmModel(load_pinocchio(controller.config.model)))
+    drives, write, hung = core._safety.drives, backend.write, True
 
-    def open_lawful(config: RobotConfig, **more: Any) -> RobotParts:
-        parts = open_parts(config, **more)
-        law = Laws(parts.description.limits, ArmModel(load_pinocchio(config.model)))
-        laws.append(law)
-        write = parts.backend.write
-        hung = [True]
+    def checked(command: JointCommand) -> None:
+        nonlocal hung
+        # Without drives the set point follows the arm, which hangs in its brakes.
+        before, hung = hung, drives.dropped or not drives.hold
+        free = before or hung
+        if free:
+            law.forget()
+        running = core.operator.program is ProgramState.RUNNING
+        law.check(command, t1=core._safety.monitors.t1, running=running or free)
+        write(command)
 
-        def checked(command: JointCommand) -> None:
-            controller = where.get("controller")
-            if controller is not None:
-                core = controller._world.core
-                # Without drives the set point follows the arm, which hangs in its brakes.
-                drives = core._safety.drives
-                off, hung[0] = hung[0], drives.dropped or not drives.hold
-                if off or hung[0]:
-                    law.forget()
-                may = core.operator.program is ProgramState.RUNNING or off or hung[0]
-                law.check(command, t1=core._safety.monitors.t1, running=may)
-            write(command)
-
-        parts.backend.write = checked  # type: ignore[method-assign]
-        return parts
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_world, "open_parts", open_lawful)
-        yield
+    backend.write = checked  # type: ignore[method-assign]
+    return law
 
 
 class Shift:
@@ -119,13 +104,9 @@ class Shift:
 
     def run(self) -> ShiftReport:
         """Play it; raise AssertionError where a law is broken, or what is no HilError where a client is given that."""
-        laws: list[Laws] = []
-        where: dict[str, VirtualController] = {}
-        with lawful(laws, where):
-            controller = VirtualController(self.config, limit_s=MOST_S, capture=self._capture)
-        where["controller"] = controller
+        controller = self._controller = VirtualController(self.config, limit_s=MOST_S, capture=self._capture)
+        law = held_against_the_laws(controller)
         with controller.active():
-            self._controller = controller
             pieces: tuple[tuple[int, Callable[[], None]], ...] = (
                 (10, self._ptp), (8, self._stream), (6, self._fri_comes), (4, self._fri_goes), (6, self._operator),
                 (8, self._network), (8, self._network_heals), (4, self._waits), (2, self._push),
@@ -148,7 +129,7 @@ class Shift:
             self.report.stops = len(controller.stops)
             controller.shut_down()
             controller.run_until(lambda: controller.closed, at_most_s=5.0)
-        self.report.commands, self.report.moved = laws[0].checked, laws[0].moved
+        self.report.commands, self.report.moved = law.checked, law.moved
         return self.report
 
     def _try(self, action: Callable[[], None]) -> None:
