@@ -5,7 +5,6 @@ where it was. ``results.csv`` and ``results.parquet`` are made of it.
 """
 
 import csv
-import fcntl
 import json
 import os
 from collections.abc import Mapping, Sequence
@@ -14,6 +13,7 @@ from typing import Final, Self, TextIO, get_type_hints
 
 from hil.values.errors import ConfigurationError, UsageError
 from tools.campaign.scenario import Row
+from transport.claims import claim_file
 
 ROWS: Final = "rows.jsonl"
 CSV: Final = "results.csv"
@@ -67,12 +67,11 @@ class Store:
             ) from error
 
     def _lock(self) -> None:
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
+        if holder := claim_file(self._file.fileno()):
             raise ConfigurationError(
-                f"another campaign writes to {self.folder}: wait for its end, or choose another folder with --out"
-            ) from None
+                f"another campaign writes to {self.folder} ({holder}): wait for its end, or choose another folder "
+                "with --out"
+            )
 
     def _read(self) -> dict[str, Row]:
         self._file.seek(0)
