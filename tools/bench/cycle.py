@@ -151,8 +151,11 @@ class CycleLoop:
         gc.freeze()
 
 
-def _record(config: RobotConfig, client: RecordedClient, cycles: int) -> list[Datagrams]:
-    """Return what the client sends, cycle by cycle; the ideal arm will do for positions, it changes nothing of that."""
+def record_client(config: RobotConfig, client: RecordedClient, cycles: int) -> list[Datagrams]:
+    """Return what the client sends, cycle by cycle; the ideal arm will do for positions, it changes nothing of that.
+
+    ``cycles`` come behind those of the warm-up. Raises :class:`ConfigurationError` where the client moves no arm.
+    """
     ideal = config.fri is None or config.fri.control.name_for(config.fri.overlay) is ControlName.POSITION
     parts = open_parts(config.model_copy(update={"backend": "ideal"}) if ideal else config)
     recording: list[Datagrams] = [()]
@@ -161,6 +164,7 @@ def _record(config: RobotConfig, client: RecordedClient, cycles: int) -> list[Da
         for _ in range(WARM_UP_CYCLES + cycles):
             loop.cycle(recording[-1])
             recording.append(client.answer(loop.outgoing))
+        client.check(loop.controller)
     finally:
         parts.backend.close()
     return recording
@@ -171,7 +175,7 @@ def bench_cycle(
 ) -> CycleReport:
     """Measure ``cycles`` cycles twice; ``progress`` is told how many are done."""
     client = recorded_client(config, motion)
-    recording = _record(config, client, cycles)
+    recording = record_client(config, client, cycles)
     whole = _measure_whole(config, recording, client, progress)
     stages = _measure_stages(config, recording, client, progress)
     gc.unfreeze()
@@ -181,7 +185,7 @@ def bench_cycle(
 def measure_whole(config: RobotConfig, *, motion: BenchMotion, cycles: int) -> CycleReport:
     """Measure ``cycles`` cycles as a whole; the report has no stages."""
     client = recorded_client(config, motion)
-    whole = _measure_whole(config, _record(config, client, cycles), client, lambda _: None)
+    whole = _measure_whole(config, record_client(config, client, cycles), client, lambda _: None)
     gc.unfreeze()
     return _report(config, motion, whole, {})
 

@@ -15,7 +15,7 @@ from hil.runtime.assembly import open_parts
 from hil.values.fri import Release
 from hil.values.link import Source
 from tools.bench.clients import PEER, BenchMotion, Datagrams, recorded_client
-from tools.bench.cycle import WARM_UP_CYCLES, CycleLoop
+from tools.bench.cycle import WARM_UP_CYCLES, CycleLoop, record_client
 
 _HOST: Final = "127.0.0.1"
 _LONGEST_BYTES: Final = 1 << 16
@@ -29,25 +29,9 @@ def main(
 ) -> None:
     """Measure both and write them to a file."""
     config = RobotConfig(model=robot, backend="mujoco", enabled=True, fri=FriConfig(release=fri_version))
-    recording = _record(config, cycles)
+    recording = record_client(config, recorded_client(config, BenchMotion.FRI_OVERLAY), cycles)
     found = {"bare": _measured(config, recording, _bare), "loop": _measured(config, recording, _over_sockets)}
     out.write_text(json.dumps(found), encoding="utf-8")
-
-
-def _record(config: RobotConfig, cycles: int) -> list[Datagrams]:
-    """Return what the client sends, cycle by cycle; the ideal arm changes nothing of that."""
-    client = recorded_client(config, BenchMotion.FRI_OVERLAY)
-    parts = open_parts(config.model_copy(update={"backend": "ideal"}))
-    recording: list[Datagrams] = [()]
-    try:
-        loop = CycleLoop(config, parts)
-        for _ in range(WARM_UP_CYCLES + cycles):
-            loop.cycle(recording[-1])
-            recording.append(client.answer(loop.outgoing))
-        client.check(loop.controller)
-    finally:
-        parts.backend.close()
-    return recording
 
 
 def _measured(
