@@ -1,5 +1,6 @@
 """Peers of a virtual controller that are no program: a handler, or one side of a recorded conversation."""
 
+from abc import ABC, abstractmethod
 from typing import Generic, Protocol, TypeVar
 
 from hil.replay.stand_in_application import RecordedApplication
@@ -14,24 +15,34 @@ class Answering(Protocol):
         """Take one, and return the answer to it, if there is one."""
 
 
-_Session = TypeVar("_Session", bound=Answering)
+_Session = TypeVar("_Session")
+_Answering = TypeVar("_Answering", bound=Answering)
 
 
-class AttachedFri(Generic[_Session]):
-    """An FRI client that is nothing but its ``session``, which counts what it heard and answered."""
+class _Attached(ABC, Generic[_Session]):
+    """A socket that the world serves; ``session`` counts what it heard and said."""
 
     def __init__(self, world: World, session: _Session, sock: VirtualSocket) -> None:
         self.session = session
         self._world = world
         self._socket = sock
-        self._answering = False
         world.serve(self._serve)
 
     def detach(self) -> None:
-        """Fall silent, as a client that was killed."""
+        """Fall silent, as a program that was killed."""
         if not self._socket.closed:
             self._world.leave(self._serve)
             self._socket.close()
+
+    @abstractmethod
+    def _serve(self) -> None:
+        """Take what has come, and send what is due; called after everything that happens."""
+
+
+class AttachedFri(_Attached[_Answering]):
+    """An FRI client that is nothing but its ``session``."""
+
+    _answering = False
 
     def _serve(self) -> None:
         if self._answering:
@@ -47,20 +58,8 @@ class AttachedFri(Generic[_Session]):
             self._answering = False
 
 
-class AttachedApplication:
-    """A recorded application of the servo link; ``session`` counts what it sent and heard."""
-
-    def __init__(self, world: World, session: RecordedApplication, sock: VirtualSocket) -> None:
-        self.session = session
-        self._world = world
-        self._socket = sock
-        world.serve(self._serve)
-
-    def detach(self) -> None:
-        """Fall silent, as an application that was killed."""
-        if not self._socket.closed:
-            self._world.leave(self._serve)
-            self._socket.close()
+class AttachedApplication(_Attached[RecordedApplication]):
+    """A recorded application of the servo link."""
 
     def _serve(self) -> None:
         while (datagram := self._socket.take()) is not None:

@@ -54,8 +54,8 @@ class Drives:
         if not self._switches:
             return
         coasts = category is StopCategory.BRAKE_AND_DROP and not self.dropped
-        came_to_rest = self._came_to_rest(arm, stands=stands and coasts, now_ns=now_ns)
-        drop = category is StopCategory.DROP or (coasts and came_to_rest)
+        came_to_rest = self._came_to_rest(arm, stands=coasts and stands, now_ns=now_ns)
+        drop = came_to_rest or category is StopCategory.DROP
         if drop and not self.dropped:
             self.dropped = True
             self._backend.switch_drives(on=False)
