@@ -21,7 +21,7 @@ from hil.core.settings import (
     ReactionSettings,
     ServoSettings,
 )
-from hil.values.errors import ConfigurationError
+from hil.values.errors import ConfigurationError, UnknownName
 from hil.values.frames import FrameTree
 from hil.values.fri import CLIENT_PORT, OperationMode, OverlayKind, Release
 from hil.values.kst import DEFAULT_WATCHDOG_MS, KST_PORT, KstSettings, UnprovenLoad
@@ -366,6 +366,23 @@ def load_station(path: Path) -> Station:
     except (ValueError, RecursionError) as error:
         raise ConfigurationError(f"station file {path} is no TOML: {error}") from error
     return parse_station(content, where=str(path))
+
+
+def robot_keys(path: Path, name: str | None, *, where: str) -> dict[str, Any]:
+    """Return what the station in ``path`` says of its robot ``name``; None: of the only one it has.
+
+    Raises :class:`ConfigurationError`, which begins with ``where``, if it has several and none is named, and
+    :class:`UnknownName`.
+    """
+    robots: list[dict[str, Any]] = load_station(path).model_dump(exclude_unset=True)["robot"]
+    names = [robot.get("name", "arm") for robot in robots]
+    if name is None and len(robots) > 1:
+        raise ConfigurationError(f"{where}: {path} has the robots {', '.join(names)}; choose one with robot_name=")
+    if name is None:
+        return robots[0]
+    if name not in names:
+        raise UnknownName("robot", name, names)
+    return robots[names.index(name)]
 
 
 def parse_station(content: dict[str, Any], *, where: str) -> Station:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from hil.config.station import RobotConfig, Station, load_station, parse_station
-from hil.values.errors import ConfigurationError, UnknownName
+from hil.config.station import RobotConfig, Station, parse_station, robot_keys
+from hil.values.errors import ConfigurationError
 
 DEFAULT_LIMIT_S: Final = 120.0
 _WHERE: Final = "@pytest.mark.hil"
@@ -69,12 +69,4 @@ def _laid_over(before: object, key: str, value: object) -> object:
 
 def _robot_of(station: str | Path, name: str | None, folders: Sequence[Path]) -> dict[str, Any]:
     path = next((found for folder in folders if (found := folder / station).is_file()), Path(station))
-    robots: list[dict[str, Any]] = load_station(path).model_dump(exclude_unset=True)["robot"]
-    names = [robot.get("name", "arm") for robot in robots]
-    if name is None and len(robots) > 1:
-        raise ConfigurationError(f"{_WHERE}: {path} has the robots {', '.join(names)}; choose one with robot_name=")
-    if name is None:
-        return robots[0]
-    if name not in names:
-        raise UnknownName("robot", name, names)
-    return robots[names.index(name)]
+    return robot_keys(path, name, where=_WHERE)

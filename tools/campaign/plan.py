@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from hil.config.frames import LoadConfig
-from hil.config.station import first_problems, load_station, parse_robot
+from hil.config.station import first_problems, parse_robot, robot_keys
 from hil.values.errors import ConfigurationError, HilError
 from tools.campaign.scenario import Require, Scenario
 from transport.impairment import parse_fault
@@ -181,7 +181,7 @@ def load_plan(path: Path) -> Plan:
         campaign = Campaign.model_validate(content)
     except ValidationError as error:
         raise ConfigurationError(f"{path}: {first_problems(error)}") from None
-    base = _base(campaign, path.parent)
+    base = _base(campaign, path)
     count = len(campaign.numbers) * sum(1 for _ in _combinations(campaign))
     if count > MOST_SCENARIOS:
         raise ConfigurationError(f"{path}: {count} scenarios; {MOST_SCENARIOS} at most")
@@ -207,15 +207,10 @@ def _combinations(campaign: Campaign) -> Iterator[_Combination]:
             yield application, impairment, gains, load
 
 
-def _base(campaign: Campaign, folder: Path) -> dict[str, Any]:
+def _base(campaign: Campaign, path: Path) -> dict[str, Any]:
     if campaign.station is None:
-        return laid_over(dict(_DEFAULT_ROBOT), campaign.robot)
-    robots: list[dict[str, Any]] = load_station(folder / campaign.station).model_dump(exclude_unset=True)["robot"]
-    found = [robot for robot in robots if campaign.robot_name in {None, robot.get("name", "arm")}]
-    if len(found) != 1:
-        names = ", ".join(robot.get("name", "arm") for robot in robots)
-        raise ConfigurationError(f"{campaign.station} has the robots {names}: choose one of them with robot_name")
-    return laid_over(found[0], campaign.robot)
+        return laid_over(_DEFAULT_ROBOT, campaign.robot)
+    return laid_over(robot_keys(path.parent / campaign.station, campaign.robot_name, where=str(path)), campaign.robot)
 
 
 def _seeded(campaign: Campaign, combination: _Combination, base: Mapping[str, Any], path: Path) -> Iterator[Scenario]:
