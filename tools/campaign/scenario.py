@@ -3,7 +3,7 @@
 import hashlib
 import json
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any, TypedDict
+from typing import Annotated, Any, Final, TypedDict, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -100,45 +100,20 @@ class Row(TypedDict):
     faults_fired: int
 
 
+COLUMNS: Final = get_type_hints(Row)
+"""Every column with its type; what may be unknown is a union with None."""
+
+
 def empty_row(scenario: Scenario, outcome: str, reason: str, *, attempts: int = 1) -> Row:
     """Return the row of a scenario of which nothing else is known."""
-    return Row(
-        scenario=scenario.name,
-        key=scenario.key,
-        application=scenario.application,
-        impairment=scenario.impairment,
-        gains=scenario.gains,
-        load=scenario.load,
-        seed=scenario.seed,
-        outcome=outcome,
-        reason=reason,
-        attempts=attempts,
-        virtual_s=0.0,
-        wall_s=0.0,
-        stops=0,
-        first_stop_s=None,
-        first_stop="",
-        margin_used=0.0,
-        margin_monitor="",
-        margin_axis="",
-        margin_at_s=0.0,
-        axis_range_used=0.0,
-        axis_velocity_used=0.0,
-        axis_torque_used=0.0,
-        tracking_used=0.0,
-        t1_speed_used=0.0,
-        commanded_s=0.0,
-        messages=0,
-        answers=0,
-        answer_latency_p50_us=None,
-        answer_latency_p99_us=None,
-        answer_latency_max_us=None,
-        late_answers=0,
-        dropped_answers=0,
-        quality="",
-        destinations_asked=0,
-        destinations_executed=0,
-        packets_to_controller=0,
-        packets_to_peer=0,
-        faults_fired=0,
-    )
+    nothing = {name: hint() if isinstance(hint, type) else None for name, hint in COLUMNS.items()}
+    told = {
+        "scenario": scenario.name,
+        "key": scenario.key,
+        **{name: getattr(scenario, name) for name in ("application", "impairment", "gains", "load", "seed")},
+        "outcome": outcome,
+        "reason": reason,
+        "attempts": attempts,
+    }
+    row: Row = {**nothing, **told}  # type: ignore[typeddict-item]  # its columns, each of its type
+    return row

@@ -9,17 +9,16 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Final, Self, TextIO, get_type_hints
+from typing import Final, Self, TextIO
 
 from hil.values.errors import ConfigurationError, UsageError
-from tools.campaign.scenario import Row
+from tools.campaign.scenario import COLUMNS, Row
 from transport.claims import claim_file
 
 ROWS: Final = "rows.jsonl"
 CSV: Final = "results.csv"
 PARQUET: Final = "results.parquet"
 PICTURE: Final = "results.png"
-_COLUMNS: Final = tuple(get_type_hints(Row))
 
 
 class Store:
@@ -94,7 +93,7 @@ def _row_of(line: str) -> Row | None:
         row = json.loads(line)
     except ValueError:
         return None
-    if not isinstance(row, dict) or set(row) != set(_COLUMNS):
+    if not isinstance(row, dict) or row.keys() != COLUMNS.keys():
         return None
     found: Row = row  # type: ignore[assignment]  # it has the keys of one
     return found
@@ -103,7 +102,7 @@ def _row_of(line: str) -> Row | None:
 def write_csv(rows: Sequence[Row], file: Path) -> None:
     """Write the table as CSV."""
     with file.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.DictWriter(stream, _COLUMNS)
+        writer = csv.DictWriter(stream, COLUMNS)
         writer.writeheader()
         writer.writerows(rows)
 
@@ -119,7 +118,7 @@ def write_parquet(rows: Sequence[Row], file: Path) -> bool:
     schema = pa.schema(
         [
             (name, next(arrow for python, arrow in types.items() if hint in {python, python | None}))
-            for name, hint in get_type_hints(Row).items()
+            for name, hint in COLUMNS.items()
         ]
     )
     pq.write_table(pa.Table.from_pylist(list(rows), schema=schema), file)
