@@ -56,7 +56,6 @@ def cycle(  # noqa: PLR0917  # typer makes the options of the parameters
         return
     from tools.bench.clients import OVERLAY_UNDER, BenchMotion
     from tools.bench.cycle import as_dict, bench_cycle
-    from tools.bench.machine import machine
 
     chosen = _motion(motion)
     if chosen is not BenchMotion.FRI_OVERLAY and control is not ControlName.POSITION:
@@ -70,12 +69,9 @@ def cycle(  # noqa: PLR0917  # typer makes the options of the parameters
         report = bench_cycle(
             config, motion=chosen, cycles=cycles, progress=lambda done: bar.update(task, completed=done)
         )
-    found = {"machine": machine(), **as_dict(report)}
-    if as_json:
-        typer.echo(json.dumps(found, indent=2))
+    found = as_dict(report)
+    if (console := _console_for(found, as_json=as_json)) is None:
         return
-    console = Console()
-    _print_machine(console, found["machine"])
     client = chosen.value if fri is None else f"FRI {fri_version}, {fri.overlay} under {control}"
     table = Table("stage", "p50 us", "p99 us", "max us", title=f"one cycle: {robot}, {backend}, {client}, {mode}")
     for name, figures in found["stages_us"].items():
@@ -89,18 +85,14 @@ def cycle(  # noqa: PLR0917  # typer makes the options of the parameters
 def _cycle_table(robot: str, cycles: int, *, as_json: bool) -> None:
     from tools.bench.cycle import as_dict
     from tools.bench.cycle_table import BACKENDS, CASES, bench_table, bounds_of
-    from tools.bench.machine import machine
 
     with _progress("cases", len(CASES) * len(BACKENDS)) as (bar, task):
         rows = list(bench_table(robot, cycles=cycles, progress=lambda done: bar.update(task, advance=done)))
     bounds = bounds_of(rows)
-    if as_json:
-        cases = [{"case": row.case, **as_dict(row.report)} for row in rows]
-        found = {"machine": machine(), "cases": cases, "bounds": [bound._asdict() for bound in bounds]}
-        typer.echo(json.dumps(found, indent=2))
+    cases = [{"case": row.case, **as_dict(row.report)} for row in rows]
+    found = {"cases": cases, "bounds": [bound._asdict() for bound in bounds]}
+    if (console := _console_for(found, as_json=as_json)) is None:
         return
-    console = Console()
-    _print_machine(console, machine())
     table = Table("", "robot side", "p50 us", "p99 us", "max us", "virtual time", title=f"one cycle: {robot}")
     for row in rows:
         figures = _numbers(row.report.cycle.as_dict())
@@ -168,7 +160,6 @@ def _rate_view(
     robot: str, backend: str, release: Release, seconds: float, repeats: int, *, realtime: bool, as_json: bool
 ) -> None:
     from hil.cli.bench_view import print_rate_view
-    from tools.bench.machine import machine
     from tools.bench.rate_view import bench_rate_view, length_s
 
     with _progress("seconds", length_s(seconds, repeats)) as (bar, task):
@@ -181,11 +172,8 @@ def _rate_view(
             realtime=realtime,
             progress=lambda done: bar.update(task, completed=done),
         )
-    if as_json:
-        typer.echo(json.dumps({"machine": machine(), **report.as_dict()}, indent=2))
+    if (console := _console_for(report.as_dict(), as_json=as_json)) is None:
         return
-    console = Console()
-    _print_machine(console, machine())
     print_rate_view(console, report, title=f"{repeats} runs of {seconds:g} s each, in turn: {robot}, {backend}, 1 ms")
 
 
@@ -198,18 +186,14 @@ def view(
 ) -> None:
     """Pictures a second of the view's page in a headless browser while arms move, and what they cost."""
     from hil.cli.bench_view import print_view
-    from tools.bench.machine import machine
     from tools.bench.view import bench_view, length_s
 
     with _progress("seconds", length_s(arms, seconds)) as (bar, task):
         report = bench_view(
             robot=robot, most_arms=arms, seconds=seconds, progress=lambda done: bar.update(task, completed=done)
         )
-    if as_json:
-        typer.echo(json.dumps({"machine": machine(), **report.as_dict()}, indent=2))
+    if (console := _console_for(report.as_dict(), as_json=as_json)) is None:
         return
-    console = Console()
-    _print_machine(console, machine())
     print_view(console, report, robot=robot)
     _print_bounds(console, report.bounds())
 
@@ -224,17 +208,13 @@ def reaction(
     as_json: AsJson = False,
 ) -> None:
     """System reaction time: from a destination's arrival to the effective motion, on the arm's measured position."""
-    from tools.bench.machine import machine
     from tools.bench.reaction import CASES, bench_reaction
 
     config = RobotConfig(model=robot, backend=backend, servo=ServoConfig(), reaction=ReactionConfig(profile=profile))
     with _progress("steps", len(CASES) * JOINT_COUNT) as (bar, task):
         report = bench_reaction(config, progress=lambda done: bar.update(task, completed=done))
-    if as_json:
-        typer.echo(json.dumps({"machine": machine(), **report.as_dict()}, indent=2))
+    if (console := _console_for(report.as_dict(), as_json=as_json)) is None:
         return
-    console = Console()
-    _print_machine(console, machine())
     table = Table("measured position moves after, ms", *JOINT_NAMES, title=f"reaction: {robot}, {backend}, {profile}")
     for found in report.reactions:
         table.add_row(found.case, *(f"{time_ms:.1f}" for time_ms in found.measured_ms))
@@ -251,18 +231,14 @@ def servo(
     as_json: AsJson = False,
 ) -> None:
     """Destinations from an application process to the interpolator, over UDP: how quick, and whether any is lost."""
-    from tools.bench.machine import machine
     from tools.bench.servo import bench_servo
 
     with _progress("seconds", 2 * seconds) as (bar, task):
         report = bench_servo(
             robot=robot, backend=backend, seconds=seconds, progress=lambda done: bar.update(task, completed=done)
         )
-    if as_json:
-        typer.echo(json.dumps({"machine": machine(), **report.as_dict()}, indent=2))
+    if (console := _console_for(report.as_dict(), as_json=as_json)) is None:
         return
-    console = Console()
-    _print_machine(console, machine())
     answered, paced = report.answered, report.paced
     table = Table("", "p50 us", "p99 us", "p99.9 us", "max us", title=f"{answered.seconds:.0f} s: {robot}, {backend}")
     table.add_row("set_destination to interpolator", *_numbers(answered.to_interpolator.summary_us()))
@@ -290,7 +266,6 @@ def answer(
 ) -> None:
     """From a packet in the kernel to the interpolator, and to the packet that follows, on the FRI and servo links."""
     from tools.bench.answer import bench_answer
-    from tools.bench.machine import machine
 
     with _progress("seconds", 2 * seconds) as (bar, task):
         report = bench_answer(
@@ -300,11 +275,8 @@ def answer(
             seconds=seconds,
             progress=lambda done: bar.update(task, completed=done),
         )
-    if as_json:
-        typer.echo(json.dumps({"machine": machine(), **report.as_dict()}, indent=2))
+    if (console := _console_for(report.as_dict(), as_json=as_json)) is None:
         return
-    console = Console()
-    _print_machine(console, machine())
     table = Table(
         "", "p50 us", "p99 us", "max us", title=f"packet in, from the kernel's stamp: {robot}, {backend}, 1 ms"
     )
@@ -326,14 +298,10 @@ def kinematics(
 ) -> None:
     """Inverse kinematics: what one answer costs."""
     from tools.bench.kinematics import bench_kinematics
-    from tools.bench.machine import machine
 
     report = bench_kinematics(robot, poses=poses)
-    if as_json:
-        typer.echo(json.dumps({"machine": machine(), **report.as_dict()}, indent=2))
+    if (console := _console_for(report.as_dict(), as_json=as_json)) is None:
         return
-    console = Console()
-    _print_machine(console, machine())
     table = Table("", "p50 us", "p99 us", "p99.9 us", "max us", title=f"{poses} random poses: {robot}")
     table.add_row("one pose, E1 and branch", *_numbers(report.inverse.summary_us()))
     table.add_row("a destination near the arm", *_numbers(report.nearest.summary_us()))
@@ -353,7 +321,6 @@ def replay(  # noqa: PLR0917  # typer makes the options of the parameters
 ) -> None:
     """Replay of a recording of ours at 1 ms: times real time, and memory. Every replay must be identical."""
     from tools.bench.clients import BenchMotion
-    from tools.bench.machine import machine
     from tools.bench.replay import as_dict, bench_replay
 
     chosen = _motion(motion)
@@ -367,12 +334,9 @@ def replay(  # noqa: PLR0917  # typer makes the options of the parameters
             repeats=repeats,
             progress=lambda done: bar.update(task, completed=done),
         )
-    found = {"machine": machine(), **as_dict(report)}
-    if as_json:
-        typer.echo(json.dumps(found, indent=2))
+    found = as_dict(report)
+    if (console := _console_for(found, as_json=as_json)) is None:
         return
-    console = Console()
-    _print_machine(console, found["machine"])
     table = Table("", "", title=f"replay: {robot}, {backend}, {chosen.value}")
     table.add_row("recording", f"{report.recorded_s:.1f} s, {report.datagrams} datagrams, {report.file_mb:.1f} MB")
     table.add_row("replayed in", ", ".join(f"{took_s:.2f} s" for took_s in report.replayed_s))
@@ -396,7 +360,6 @@ def chain(  # noqa: PLR0917  # typer makes the options of the parameters
     from dataclasses import asdict
 
     from tools.bench.chain import bench_chain
-    from tools.bench.machine import machine
 
     with _progress("seconds", 2 * seconds) as (bar, task):
         report = bench_chain(
@@ -408,12 +371,9 @@ def chain(  # noqa: PLR0917  # typer makes the options of the parameters
             progress=lambda done: bar.update(task, completed=done),
         )
     bounds = report.bounds()
-    if as_json:
-        found = {"machine": machine(), **asdict(report), "bounds": [bound._asdict() for bound in bounds]}
-        typer.echo(json.dumps(found, indent=2))
+    found = {**asdict(report), "bounds": [bound._asdict() for bound in bounds]}
+    if (console := _console_for(found, as_json=as_json)) is None:
         return
-    console = Console()
-    _print_machine(console, machine())
     table = Table("", "p50 us", "p99 us", "p99.9 us", "max us", title=f"answer latency at {send_period} ms")
     table.add_row("plain FRI client", *_numbers(report.plain["answer_latency_us"]))
     table.add_row("controller on the backend cabinet", *_numbers(report.cabinet["answer_latency_us"]))
@@ -437,7 +397,6 @@ def arms(  # noqa: PLR0917  # typer makes the options of the parameters
     from dataclasses import asdict
 
     from tools.bench.arms import Beside, bench_arms, bounds_of
-    from tools.bench.machine import machine
 
     setups = ((1, 1), (2, 1), (4, 1), (8, 1), (8, 2))
     with _progress("seconds", len(setups) * seconds) as (bar, task):
@@ -450,13 +409,10 @@ def arms(  # noqa: PLR0917  # typer makes the options of the parameters
             progress=lambda done: bar.update(task, completed=done),
         )
     bounds = bounds_of(reports)
-    if as_json:
-        runs = [asdict(report) for report in reports]
-        found = {"machine": machine(), "runs": runs, "bounds": [bound._asdict() for bound in bounds]}
-        typer.echo(json.dumps(found, indent=2))
+    runs = [asdict(report) for report in reports]
+    found = {"runs": runs, "bounds": [bound._asdict() for bound in bounds]}
+    if (console := _console_for(found, as_json=as_json)) is None:
         return
-    console = Console()
-    _print_machine(console, machine())
     table = Table(
         *("arms", "processes", "Hz", "lateness p99, us", "missed, %", "cycle p50, us", "commanded to the end", ""),
         title="the worst arm",
@@ -487,7 +443,6 @@ def start(
     """From the start of hil run to its first FRI datagram."""
     from dataclasses import asdict
 
-    from tools.bench.machine import machine
     from tools.bench.start import bench_start
 
     with _progress("starts", repeats) as (bar, task):
@@ -499,12 +454,9 @@ def start(
             progress=lambda done: bar.update(task, completed=done),
         )
     bounds = report.bounds()
-    if as_json:
-        found = {"machine": machine(), **asdict(report), "bounds": [bound._asdict() for bound in bounds]}
-        typer.echo(json.dumps(found, indent=2))
+    found = {**asdict(report), "bounds": [bound._asdict() for bound in bounds]}
+    if (console := _console_for(found, as_json=as_json)) is None:
         return
-    console = Console()
-    _print_machine(console, machine())
     taken = report.first_packet_s
     console.print(
         f"start to first packet: median {report.median_s:.3f} s, {min(taken):.3f} to {max(taken):.3f} s in "
@@ -523,19 +475,15 @@ def memory(
     """What a controller keeps resident while a client commands, and whether that grows."""
     from dataclasses import asdict
 
-    from tools.bench.machine import machine
     from tools.bench.memory import bench_memory
 
     config = RobotConfig(model=robot, backend=backend, fri=FriConfig())
     with _progress("virtual minutes", minutes) as (bar, task):
         report = bench_memory(config, minutes=minutes, progress=lambda done: bar.update(task, completed=done))
     bounds = report.bounds()
-    if as_json:
-        found = {"machine": machine(), **asdict(report), "bounds": [bound._asdict() for bound in bounds]}
-        typer.echo(json.dumps(found, indent=2))
+    found = {**asdict(report), "bounds": [bound._asdict() for bound in bounds]}
+    if (console := _console_for(found, as_json=as_json)) is None:
         return
-    console = Console()
-    _print_machine(console, machine())
     table = Table("virtual time, min", "resident, MB", "Python's blocks", title="memory")
     every = max(1, len(report.resident_mb) // 10)
     for place in range(0, len(report.resident_mb), every):
@@ -558,7 +506,6 @@ def kst(
     from dataclasses import asdict
 
     from tools.bench.kst import LOOPS, bench_kst
-    from tools.bench.machine import machine
 
     with _progress("seconds", len(LOOPS) * seconds) as (bar, task):
         report = bench_kst(
@@ -569,12 +516,9 @@ def kst(
             progress=lambda done: bar.update(task, completed=done),
         )
     bounds = report.bounds()
-    if as_json:
-        found = {"machine": machine(), **asdict(report), "bounds": [bound._asdict() for bound in bounds]}
-        typer.echo(json.dumps(found, indent=2))
+    found = {**asdict(report), "bounds": [bound._asdict() for bound in bounds]}
+    if (console := _console_for(found, as_json=as_json)) is None:
         return
-    console = Console()
-    _print_machine(console, machine())
     table = Table("set-points", "Hz", "p50 ms", "p99 ms", "p99.9 ms", "max ms", title="set-point to reply")
     for loop in report.loops:
         table.add_row(loop.name, f"{loop.rate_hz:.0f}", *(f"{value:.3f}" for value in loop.round_trip_ms.values()))
@@ -595,18 +539,14 @@ def campaign(
 ) -> None:
     """Scenarios a minute that hil campaign plays, with one worker and with two."""
     from tools.bench.campaign import bench_campaign
-    from tools.bench.machine import machine
 
     counts = workers or [1, 2]
     with _progress("scenarios", 4 * seeds * len(counts)) as (bar, task):
         report = bench_campaign(
             backend=backend, seeds=seeds, workers=counts, progress=lambda done: bar.update(task, advance=done)
         )
-    if as_json:
-        typer.echo(json.dumps({"machine": machine(), **report.as_dict()}, indent=2))
+    if (console := _console_for(report.as_dict(), as_json=as_json)) is None:
         return
-    console = Console()
-    _print_machine(console, machine())
     table = Table("workers", "scenarios", "s", "scenarios a minute", "virtual time", title=f"campaign: {backend}")
     for run in report.runs:
         figures = f"{run.seconds:.1f}", f"{run.per_minute:.0f}", f"{run.factor:.1f} x"
@@ -626,17 +566,13 @@ def can402(
 
     from backends.registry import check_backend
     from tools.bench.can402 import CYCLE_MS, bench_can402
-    from tools.bench.machine import machine
 
     check_backend("can402")
     with _progress("cycles", cycles) as (bar, task):
         report = bench_can402(robot=robot, cycles=cycles, progress=lambda done: bar.update(task, completed=done))
-    if as_json:
-        found = {"machine": machine(), **asdict(report), "bounds": [bound._asdict() for bound in report.bounds()]}
-        typer.echo(json.dumps(found, indent=2))
+    found = {**asdict(report), "bounds": [bound._asdict() for bound in report.bounds()]}
+    if (console := _console_for(found, as_json=as_json)) is None:
         return
-    console = Console()
-    _print_machine(console, machine())
     table = Table("", "p50 us", "p99 us", "p99.9 us", "max us", title=f"seven drives, {report.cycles} cycles")
     table.add_row("write, SYNC, drives, read", *_numbers(report.cycle_us))
     console.print(table)
@@ -665,6 +601,18 @@ def _progress(what: str, total: float) -> Iterator[tuple[Progress, TaskID]]:
 
 def _numbers(figures: dict[str, Any]) -> list[str]:
     return ["-" if figure is None else f"{figure:.1f}" for figure in figures.values()]
+
+
+def _console_for(found: dict[str, Any], *, as_json: bool) -> Console | None:
+    """Print what was found as JSON, machine included, and return None; else print the machine, and return a console."""
+    from tools.bench.machine import machine
+
+    if as_json:
+        typer.echo(json.dumps({"machine": machine(), **found}, indent=2))
+        return None
+    console = Console()
+    _print_machine(console, machine())
+    return console
 
 
 def _print_machine(console: Console, facts: dict[str, str]) -> None:
