@@ -86,7 +86,7 @@ def operated(station: Station, browser: Browser) -> Iterator[Page]:
         with contextlib.suppress(PadRefused):
             pad.select_mode("T1")
     page = Page(browser, station.operator_address)
-    page.wait_for_text("EMERGENCY STOP")
+    page.wait_until_complete()
     yield page
     page.close()
 
@@ -147,6 +147,7 @@ def test_a_jog_key_moves_the_axis_as_long_as_it_is_held(station: Station, operat
 
 def test_closing_the_browser_in_mid_jog_stops_the_arm(station: Station, operated: Page, browser: Browser) -> None:
     page = Page(browser, station.operator_address)
+    page.wait_until_complete()
     page.click("Jog")
     at = page.place("A1 +: hold")
     page.press(at)
@@ -189,13 +190,14 @@ def test_the_emergency_stop_stops_a_moving_arm(station: Station, operated: Page)
 def test_who_has_no_token_only_looks(station: Station, operated: Page, browser: Browser) -> None:
     page = Page(browser, station.address)
     page.wait_for_text("operator's token")
-    page.wait_for_text("between its ends")
+    page.wait_until_complete()
     assert acting(page) == []
     page.type("q" * len(station.token), into="operator's token")
     page.wait_for_text("that is not the operator's token")
     assert acting(page) == []
     page.close()
     page = Page(browser, station.address)
+    page.wait_until_complete()
     page.type(station.token, into="operator's token")
     page.wait_for_text("EMERGENCY STOP")
     page.close()

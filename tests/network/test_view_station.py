@@ -95,8 +95,7 @@ def cell() -> Iterator[Cell]:
 def page(cell: Cell, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     with Browser(tmp_path_factory.mktemp("chromium"), reaches=[cell.host]) as browser:
         opened = Page(browser, cell.operator_address)
-        opened.wait_for_text("EMERGENCY STOP")
-        opened.wait_for_text("between its ends")
+        opened.wait_until_complete()
         yield opened
 
 
@@ -178,6 +177,6 @@ def test_a_lost_robot_is_red_until_it_is_back(cell: Cell, page: Page) -> None:
     page.wait_until("!document.body.innerText.includes('LOST')")
     page.click("Refresh")
     # The panel is made anew, and begins with its first tab; what is clicked before that is lost.
-    page.wait_for_text("between its ends")
+    page.wait_until_complete()
     page.click("Rendering")
     page.wait_until("document.body.innerText.split('connected').length === 3")

@@ -41,6 +41,10 @@ class Page:
         """Wait until it is read on the page."""
         self.wait_until(f"document.body.innerText.includes({json.dumps(text)})")
 
+    def wait_until_complete(self) -> None:
+        """Wait until the panel has its values: it has all its parts then, and begins with the tab of the axes."""
+        self.wait_for_text("between its ends")
+
     def text(self) -> str:
         """Return all that is read on the page."""
         return str(self.opened.run("document.body.innerText"))
