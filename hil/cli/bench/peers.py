@@ -1,6 +1,5 @@
 """``hil bench peers``: what it asks for and what it prints."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,6 +8,8 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
+from hil.cli.bench.options import AsJson
+from hil.cli.bench.shown import console_for, print_machine
 from hil.values.fri import Release
 
 if TYPE_CHECKING:
@@ -27,10 +28,9 @@ def peers(  # noqa: PLR0917  # typer makes the options of the parameters
             "--environments", metavar="FOLDER", help="Environments of the peers; .venv-peers of this project."
         ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Beside franky-sim and franka-sim, same work: a cycle with a MuJoCo arm, state stream at 1 kHz, virtual time."""
-    from tools.bench.machine import machine
     from tools.bench.peers.compare import bench_peers, steps
     from tools.bench.peers.environment import FOLDER, environments
 
@@ -46,13 +46,10 @@ def peers(  # noqa: PLR0917  # typer makes the options of the parameters
             repeats=repeats,
             progress=lambda done, what: bar.update(task, completed=done, description=what),
         )
-    if as_json:
-        typer.echo(json.dumps({"machine": machine(), **report.as_dict()}, indent=2))
+    if (console := console_for(report.as_dict(), as_json=as_json)) is None:
         return
-    console = Console()
-    for whose, facts in (("", machine()), *((f"{name}: ", found) for name, found in report.peer_versions.items())):
-        said = ", ".join(f"{name} {value}" for name, value in facts.items())
-        console.print(whose + said, style="dim", highlight=False)
+    for name, found in report.peer_versions.items():
+        print_machine(console, found, of=f"{name}: ")
     one, five, fifteen = report.load_average
     console.print(f"load average before: {one:.2f}, {five:.2f}, {fifteen:.2f}", style="dim", highlight=False)
     _print(console, report, robot=robot)
