@@ -26,22 +26,25 @@ test: setup
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m "not alone" tests/network $(PYTEST_ARGUMENTS)
 	$(BIN)/python -m pytest -m alone tests/network $(PYTEST_ARGUMENTS)
 
-# About an hour and a half on two cores: ten minutes of a recording replayed to the byte; hours of virtual time under the
+# About two hours on two cores: ten minutes of a recording replayed to the byte; hours of virtual time under the
 # safety laws, with 10 000 reconnects; minutes with real processes, killed, flooded and with a full disk; the proofs of
-# docs/safety.md and docs/control.md with many more stories. make soak-quick is a tenth of it.
+# docs/safety.md and docs/control.md with many more stories; every property test with twenty times as many cases, and
+# other ones each time. make soak-quick is a tenth of it.
 SOAK_HOURS ?= 2
 SOAK_RECONNECTS ?= 10000
 SOAK_MINUTES ?= 6
 SOAK_STORIES ?= 20000
 SOAK_RECORDING_S ?= 600
+SOAK_PROPERTIES ?= 20
 soak: setup
 	$(BIN)/hil bench replay --seconds $(SOAK_RECORDING_S) --repeats 1
 	$(BIN)/python -m tests.soak --virtual-hours $(SOAK_HOURS) --reconnects $(SOAK_RECONNECTS) --real-minutes $(SOAK_MINUTES)
 	HIL_SOAK_STORIES=$(SOAK_STORIES) $(BIN)/python -m pytest --numprocesses 2 --timeout 0 \
 		tests/unit/test_safety_proof.py tests/unit/test_control_proof.py
+	HIL_PROPERTY_SCALE=$(SOAK_PROPERTIES) $(BIN)/python -m pytest --numprocesses 2 --timeout 0 -m hypothesis tests/unit
 
 soak-quick: setup
-	$(MAKE) soak SOAK_HOURS=0.2 SOAK_RECONNECTS=1000 SOAK_MINUTES=1 SOAK_STORIES=2000 SOAK_RECORDING_S=60
+	$(MAKE) soak SOAK_HOURS=0.2 SOAK_RECONNECTS=1000 SOAK_MINUTES=1 SOAK_STORIES=2000 SOAK_RECORDING_S=60 SOAK_PROPERTIES=2
 
 # Two hours: make fuzz SECONDS=7200. What it finds is in out/fuzz/findings, and becomes a test.
 SECONDS ?= 120

@@ -6,13 +6,14 @@ from hypothesis import strategies as st
 from hil.core.diagnosis.answer_path import WORST, AnswerPath
 from hil.core.settings import FriSettings
 from hil.core.statistics import CycleHistogram, Histogram
+from tests.support.cases import cases
 from tests.support.virtual import PEER, SOURCE, Bench
 from tools.doctor.capture.send_grid import SendGrid
 
 MS = 1_000_000
 
 
-@settings(max_examples=25)
+@settings(max_examples=cases(25))
 @given(st.lists(st.integers(-5, 2**61), max_size=100))
 def test_a_cycle_histogram_counts_as_the_other_does_within_its_buckets(values: list[int]) -> None:
     fast, exact = CycleHistogram(), Histogram()

@@ -38,6 +38,7 @@ from hil.values.fri import DriveState
 from hil.values.motion import MotionKind
 from hil.values.operator import PadKey, StopCategory
 from hil.values.robot import RobotDescription, Seven
+from tests.support.cases import cases
 from tests.support.servo_virtual import Application, ServoBench
 from tools.conformance.simulated_drives import SimulatedDrivesRig
 
@@ -120,7 +121,7 @@ def test_every_status_word_is_one_state_whatever_its_other_bits() -> None:
         assert power_state(word) is power_state(word & 0x6F | 0x10)
 
 
-@settings(max_examples=50)
+@settings(max_examples=cases(50))
 @given(
     counts_per_turn=st.integers(1, 1 << 24),
     gear=st.floats(0.1, 200.0),
@@ -490,7 +491,7 @@ def test_an_answer_that_comes_late_is_no_second_drive() -> None:
     assert "answers more often than it is asked" in drive.answer(0, answer)
 
 
-@settings(max_examples=50)
+@settings(max_examples=cases(50))
 @given(data=st.binary(max_size=8), identifier=st.integers(0x081, 0x7FF))
 def test_nothing_on_the_bus_raises(data: bytes, identifier: int) -> None:
     rig = _FUZZED[0] if _FUZZED else SimulatedDrivesRig(DESCRIPTION)

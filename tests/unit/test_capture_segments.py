@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.support.cases import cases
 from tests.unit.test_capture_pcapng import block, classic, file_with, frame_of, interface, option, packet, section
 from tools.doctor.capture.tcp.diagnose import diagnose_tcp
 from transport.capture.errors import CaptureError
@@ -121,7 +122,7 @@ def test_what_is_no_whole_head_of_a_segment_is_passed_over(frame: bytes, skipped
     assert decoder.skipped == skipped
 
 
-@settings(max_examples=60)
+@settings(max_examples=cases(60))
 @given(st.sampled_from([1, 101, 113, 276, 9999]), st.binary(max_size=120))
 def test_any_bytes_decode_to_a_segment_or_to_nothing(link_type: int, frame: bytes) -> None:
     decoded(frame, link_type=link_type)
@@ -193,7 +194,7 @@ def test_segments_that_cannot_be_read_are_counted(tmp_path: Path) -> None:
     ]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=cases(60), deadline=None)
 @given(st.data())
 def test_a_damaged_file_raises_nothing_but_capture_errors(data: st.DataObject) -> None:
     content = bytearray(REAL[2].read_bytes()[:2000])

@@ -14,6 +14,7 @@ from hil.values.fri import MAX_DATAGRAM_BYTES, OverlayKind, Release, SessionStat
 from hil.values.fri_messages import CommandData, CommandMessage, IOValue, MonitoringMessage, Vector
 from hil.values.link import Address, Source
 from hil.values.outcomes import Outcome
+from tests.support.cases import cases
 from tests.support.virtual import PEER, SOURCE, Bench, RecordingBackend
 from transport.fri import FriCodec
 
@@ -281,7 +282,7 @@ def test_drops_do_not_flood_the_events() -> None:
 
 
 @pytest.mark.parametrize("release", list(Release))
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=cases(15), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_no_bytes_raise_or_move_the_arm_outside_its_limits(release: Release, data: st.DataObject) -> None:
     """Invariant: whatever bytes arrive from whomever, the core raises nothing and every command stays legal."""

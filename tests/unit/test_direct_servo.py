@@ -25,6 +25,7 @@ from hil.values.motion import (
 )
 from hil.values.robot import JOINT_COUNT, Seven
 from hil.values.servo import Vector
+from tests.support.cases import cases
 from tests.support.interpolation import (
     START,
     Run,
@@ -57,7 +58,7 @@ def near(source: random.Random, motion: DirectServo, here: Seven) -> Seven:
     )  # type: ignore[return-value]
 
 
-@settings(max_examples=200)
+@settings(max_examples=cases(80))
 @given(
     seed=SEEDS,
     robot=st.sampled_from(robot_names()),
@@ -94,7 +95,7 @@ def test_velocity_and_range_are_kept_whatever_is_set_when(
     assert_in_range(run)
 
 
-@settings(max_examples=300)
+@settings(max_examples=cases(120))
 @given(
     axis=st.integers(0, 6),
     step=st.one_of(st.floats(1e-15, 1.0), st.floats(0.0, 1e-6), st.sampled_from((1.0, 0.5, 0.02))),

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil.values.finding import Diagnosis, Finding, Severity, Whose
+from tests.support.cases import cases
 from tests.support.segments import CLIENT, SERVER, Talk
 from tools.doctor.capture.tcp.connections import Connections
 from tools.doctor.capture.tcp.diagnose import MAX_FINDINGS, tell
@@ -541,7 +542,7 @@ arbitrary = st.builds(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=cases(60), deadline=None)
 @given(st.lists(arbitrary, max_size=40))
 def test_any_segments_are_told_without_an_error(segments: list[Segment]) -> None:
     connections = Connections(most=3)

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil.values.finding import Diagnosis, Finding, Severity, Whose
+from tests.support.cases import cases
 from tools.doctor.tcp.cases import (
     ECHO_CASES,
     ONE_NAGLE,
@@ -174,7 +175,7 @@ exchanges = st.builds(
 figures = st.dictionaries(st.sampled_from(RESPONDER_CASES), st.lists(exchanges, min_size=3, max_size=6), max_size=7)
 
 
-@settings(max_examples=30)
+@settings(max_examples=cases(30))
 @given(figures, st.booleans())
 def test_healthy_means_that_no_kind_of_message_is_slow_or_stalls(
     given_figures: dict[Case, list[Exchange]], nagle_there: bool
@@ -187,14 +188,14 @@ def test_healthy_means_that_no_kind_of_message_is_slow_or_stalls(
     assert not (diagnosis.healthy and slow_one)
 
 
-@settings(max_examples=30)
+@settings(max_examples=cases(30))
 @given(figures)
 def test_what_an_asked_peer_does_never_makes_it_ill(given_figures: dict[Case, list[Exchange]]) -> None:
     asked = {case: exchanges for case, exchanges in given_figures.items() if case.asked}
     assert diagnose(measured(asked)).healthy
 
 
-@settings(max_examples=30)
+@settings(max_examples=cases(30))
 @given(figures, st.permutations(RESPONDER_CASES))
 def test_the_order_of_the_cases_does_not_matter(
     given_figures: dict[Case, list[Exchange]], order: Sequence[Case]
@@ -206,7 +207,7 @@ def test_the_order_of_the_cases_does_not_matter(
     assert told(order) == told(RESPONDER_CASES)
 
 
-@settings(max_examples=30)
+@settings(max_examples=cases(30))
 @given(figures, st.floats(0.0, 50.0))
 def test_a_slower_network_never_heals_anything(given_figures: dict[Case, list[Exchange]], more_ms: float) -> None:
     slower = {

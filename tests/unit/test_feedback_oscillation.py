@@ -13,6 +13,7 @@ from hil.core.diagnosis.turning_points import MOST_ROWS, REMEMBERED, TurningPoin
 from hil.values.finding import Severity, Whose
 from hil.values.fri import SessionState
 from tests.support.captures import datagrams, files, release_of
+from tests.support.cases import cases
 from tests.support.feedback_loops import closed_loop, commanded_on_purpose, on_axis, sine
 from transport.fri import FriCodec
 
@@ -21,7 +22,7 @@ def growing(seen: list[tuple[int, Oscillation]]) -> list[Oscillation]:
     return [one for _, one in seen if one.growing]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=cases(40), deadline=None)
 @given(
     gain=st.floats(1.1, 2.2),
     dead_steps=st.integers(1, 12),
@@ -51,7 +52,7 @@ def test_pixel_noise_alone_sets_an_unstable_loop_off(seed: int) -> None:
     assert seen[-1].growth == pytest.approx(1.69, rel=0.2)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=cases(30), deadline=None)
 @given(
     gain=st.floats(0.0, 0.9), dead_steps=st.integers(1, 6), noise_rad=st.sampled_from([0.0, 5e-4]), seed=st.integers()
 )

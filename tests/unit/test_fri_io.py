@@ -20,6 +20,7 @@ from hil.values.operator import SetInput
 from hil.values.outcomes import Outcome
 from hil.values.pose import Pose
 from hil.values.signals import MAX_SIGNALS, Signal, check_signals
+from tests.support.cases import cases
 from tests.support.virtual import PEER, UNIX_EPOCH_NS, Bench
 
 SIGNALS = (
@@ -341,7 +342,7 @@ def test_transformations_nobody_asked_for_end_a_commanded_motion(release: Releas
     assert "it asks for none" in one.reasons()[0]
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=cases(120), deadline=None)
 @given(
     io=st.builds(
         IOValue,

@@ -22,6 +22,7 @@ from hil.values.motion import (
     MotionKind,
 )
 from hil.values.robot import JOINT_COUNT, JointLimits, Seven
+from tests.support.cases import cases
 from tests.support.interpolation import (
     Run,
     assert_in_range,
@@ -119,7 +120,7 @@ def test_brake_ends_at_rest_in_range_without_a_jump(
     assert brake.interpolate() == SetPoint(before, STILL)
 
 
-@settings(max_examples=300)
+@settings(max_examples=cases(120))
 @given(seed=st.integers(0, 2**32), name=st.sampled_from(robot_names()))
 def test_brake_from_any_state_keeps_the_range_and_does_not_jump(seed: int, name: str) -> None:
     """Planned motions hand over accelerations that the rated brake may or may not carry."""
@@ -197,7 +198,7 @@ def near_or_anywhere(source: random.Random, kind: MotionKind, basis: MotionBasis
     )  # type: ignore[return-value]
 
 
-@settings(max_examples=300)
+@settings(max_examples=cases(120))
 @given(
     seed=st.integers(0, 2**32),
     kinds=st.tuples(st.sampled_from(MotionKind), st.sampled_from(MotionKind)),

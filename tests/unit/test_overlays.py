@@ -35,6 +35,7 @@ from hil.values.outcomes import Outcome
 from hil.values.pose import Pose
 from hil.values.robot import Seven
 from tests.support.captures import FOLDER, datagrams
+from tests.support.cases import cases
 from tests.support.virtual import PEER, Bench
 from transport.fri import FriCodec
 
@@ -514,7 +515,7 @@ def some(least: int, most: int) -> st.SearchStrategy[Vector | None]:
 
 
 @pytest.mark.parametrize("kind", [OverlayKind.TORQUE, OverlayKind.WRENCH, OverlayKind.CARTESIAN_POSE])
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=cases(20), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_no_command_raises_or_leads_out_of_bounds(kind: OverlayKind, data: st.DataObject) -> None:
     """Invariant: whatever a client commands, the core raises nothing and what is added stays within its limits."""

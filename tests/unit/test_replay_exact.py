@@ -18,6 +18,7 @@ from hil.values.arm import Push
 from hil.values.errors import UsageError
 from hil.values.fri import OperationMode, Release, SessionState
 from hil.values.operator import PadKey, Press, SelectMode, SetInput, SetOverride
+from tests.support.cases import cases
 from tests.support.recordings import (
     flip_bit,
     fri_robot,
@@ -137,7 +138,7 @@ def test_one_bit_of_any_command_is_found_and_named(commanding: bytes, tmp_path: 
     file.write_bytes(commanding)
     commands = [one for one in packets(file) if from_client(one)]
     chooser = random.Random(5)
-    for packet in [commands[0], commands[-1], *chooser.sample(commands, 22)]:
+    for packet in [commands[0], commands[-1], *chooser.choices(commands, k=cases(8))]:
         file.write_bytes(commanding)
         byte, bit = chooser.randrange(len(packet.payload)), chooser.randrange(8)
         flip_bit(file, packet, byte, bit)
@@ -451,7 +452,7 @@ def test_actions_that_are_none_are_told(recording: Path, action: str) -> None:
 
 def test_any_byte_of_a_file_may_be_another_one(recording: Path, commanding: bytes) -> None:
     chooser = random.Random(11)
-    for _ in range(40):
+    for _ in range(cases(16)):
         content = bytearray(commanding[:60_000])
         for _ in range(chooser.randrange(1, 4)):
             content[chooser.randrange(len(content))] ^= 1 << chooser.randrange(8)

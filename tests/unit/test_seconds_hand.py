@@ -22,6 +22,7 @@ from hil.values.finding import Finding, Severity, Whose
 from hil.values.motion import MotionKind, MotionParameters
 from hil.values.operator import PadKey, SetOverride
 from hil.values.servo import SetRuntimeParameters
+from tests.support.cases import cases
 from tests.support.interpolation import START, Run, at, basis_of, moved
 from tests.support.servo_virtual import MS, Application, ServoBench, offset
 
@@ -124,7 +125,7 @@ def test_irregular_cycles_are_told_what_bridges_the_long_ones() -> None:
     assert cured.seconds_hand.standstills == 0
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=cases(30), deadline=None)
 @given(
     kind=st.sampled_from(sorted(KINDS)),
     spacing_ms=st.lists(st.integers(1, 120), min_size=2, max_size=6),

@@ -19,6 +19,7 @@ from hil.client.servo import _operations as operations
 from hil.client.servo._frames import moved_frame
 from hil.client.servo._operations import Operation, Wait
 from hil.values.servo import GoalReached, MotionEnded, RequestError, SetDestination
+from tests.support.cases import cases
 from tests.support.servo_client import Channel, VirtualShell, connected, destination, tell
 from tests.support.servo_controller import FRAMES, PAUSED, START, forward
 
@@ -79,7 +80,7 @@ def test_patience_begins_anew_when_the_operator_starts_again() -> None:
     assert 30_000 <= shell.ticks - began < 30_020
 
 
-@settings(max_examples=30)
+@settings(max_examples=cases(30))
 @given(seed=st.integers(0, 2**32), stops=st.booleans())
 def test_a_pause_over_a_bad_channel_costs_time_and_nothing_else(seed: int, stops: bool) -> None:
     shell = VirtualShell(Channel(seed), Channel(seed + 1))
@@ -181,7 +182,7 @@ def play(shell: VirtualShell, values: list[float], wrong: bool) -> Story:
     return story
 
 
-@settings(max_examples=150)
+@settings(max_examples=cases(80))
 @given(
     seed=st.integers(0, 2**32),
     values=st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=6),
@@ -233,7 +234,7 @@ POSES = st.builds(
 )
 
 
-@settings(max_examples=100)
+@settings(max_examples=cases(60))
 @given(
     seed=st.integers(0, 2**32),
     poses=st.lists(st.one_of(POSES, st.tuples(*[st.floats(-1.0, 1.0)] * 7)), min_size=1, max_size=6),

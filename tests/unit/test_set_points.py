@@ -14,6 +14,7 @@ from hil.core.servo.set_points import REMEMBERED_MOTIONS
 from hil.core.settings import ReactionSettings
 from hil.values.motion import FineInterpolatorState, MotionKind, MotionParameters, MotionPhase
 from hil.values.servo import MotionState, SetDestination, StartMotion
+from tests.support.cases import cases
 from tests.support.servo_virtual import Application, ServoBench, offset
 from tests.unit.test_servo_lossy import Pair
 
@@ -40,7 +41,7 @@ def joined(**options: object) -> Application:
     return application
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=cases(12), deadline=None)
 @given(
     seed=st.integers(0, 10_000),
     loss=st.sampled_from([0.0, 0.3, 0.7]),

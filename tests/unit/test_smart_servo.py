@@ -20,6 +20,7 @@ from hil.core.motion.smart_servo import SmartServo
 from hil.values.motion import ErrorReason, Fault, FineInterpolatorState, MotionKind, MotionParameters
 from hil.values.robot import JOINT_COUNT
 from hil.values.servo import Vector
+from tests.support.cases import cases
 from tests.support.interpolation import (
     FAST,
     SMART_SERVO_SETTINGS,
@@ -43,7 +44,7 @@ ROBOTS = st.sampled_from(robot_names())
 S = FineInterpolatorState
 
 
-@settings(max_examples=200)
+@settings(max_examples=cases(80))
 @given(seed=SEEDS, robot=ROBOTS, parameters=SETTINGS, cycle_ms=st.sampled_from((1, 1, 1, 2, 5)))
 def test_limits_are_kept_and_the_destination_reached_whatever_is_set_when(
     seed: int, robot: str, parameters: MotionParameters, cycle_ms: int

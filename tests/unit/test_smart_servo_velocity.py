@@ -16,6 +16,7 @@ from hil.core.motion.smart_servo import SmartServo
 from hil.core.motion.target_velocity import TargetVelocities
 from hil.values.motion import ErrorReason, Fault, FineInterpolatorState, MotionParameters
 from hil.values.robot import JointLimits, Seven
+from tests.support.cases import cases
 from tests.support.interpolation import (
     FAST,
     PRECISION_RAD,
@@ -39,7 +40,7 @@ SETTINGS = st.sampled_from(SMART_SERVO_SETTINGS)
 S = FineInterpolatorState
 
 
-@settings(max_examples=200)
+@settings(max_examples=cases(80))
 @given(seed=SEEDS, parameters=SETTINGS)
 def test_limits_and_range_are_kept_with_target_velocities(seed: int, parameters: MotionParameters) -> None:
     source = random.Random(seed)
@@ -90,7 +91,7 @@ def nearest_to_the_end(velocities: TargetVelocities, limits: JointLimits, axis: 
     return nearest
 
 
-@settings(max_examples=60)
+@settings(max_examples=cases(60))
 @given(seed=SEEDS, jerk=st.sampled_from((30.0, 100.0, 500.0)), override=st.sampled_from((5.0, 20.0)))
 def test_on_the_way_to_a_velocity_near_the_end_of_the_range_any_destination_may_follow(
     seed: int, jerk: float, override: float
