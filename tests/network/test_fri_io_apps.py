@@ -105,9 +105,11 @@ def test_the_provider_provides_what_it_is_asked_for_while_the_arm_is_commanded(f
     assert result["requested"] == ["PBase", "Part"]
     assert result["states"]["COMMANDING_ACTIVE"] > 10
     assert picture.read_bytes().startswith(PNG)
+    # The last answers may meet a controller that has ended; those that were late are not taken.
+    assert result["answers"] - 5 <= robot["packets"]["received"] <= result["answers"]
     for given in robot["transformations"].values():
         assert given["quaternion_wxyz"] == [1.0, 0.0, 0.0, 0.0]
-        assert result["answers"] - 5 <= given["updates"] <= result["answers"]
+        assert given["updates"] == robot["packets"]["accepted"]
         assert given["received_s"] > 2.5
     assert not any(robot["packets"]["dropped"][name] for name in ("not_allowed", "shape", "not_finite"))
 

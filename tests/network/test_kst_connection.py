@@ -12,7 +12,7 @@ from tests.support.kst_session import MS, Bench
 
 def test_a_flood_leaves_the_event_loop_to_the_others_in_between() -> None:
     async def main() -> tuple[list[int], list[int]]:
-        session, clock, passes = Bench().session, count(step=5 * MS), 0
+        session, clock, passes = Bench().session, count(step=40 * MS), 0
         sizes: list[int] = []
         passed: list[int] = []
         take = session.receive

@@ -26,6 +26,7 @@ from hil.values.servo import (
     StartMotion,
     StopMotion,
 )
+from tests.support.cases import cases
 from tests.support.servo_virtual import Application, ServoBench, offset
 from tests.support.virtual import Bench, RecordingBackend
 
@@ -674,7 +675,7 @@ def test_drives_that_stop_holding_by_themselves_are_a_stop() -> None:
     assert stands(application)
 
 
-@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("seed", range(cases(10)))
 def test_ptps_behind_stopped_and_paused_ones_keep_t1(seed: int) -> None:
     rng = random.Random(seed)
     application = Application(ServoBench(mode=T1, robot=rng.choice(robot_names())), watchdog_ms=1000)

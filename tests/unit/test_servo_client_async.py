@@ -37,8 +37,6 @@ def controller() -> Iterator[Served]:
     """A stand-in on a free port."""
     with served() as stand_in:
         yield stand_in
-    # A socket somebody forgot would warn now, in the test that forgot it.
-    gc.collect()
 
 
 @pytest.fixture

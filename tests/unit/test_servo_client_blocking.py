@@ -66,8 +66,7 @@ def controller() -> Iterator[Served]:
     """A stand-in on a free port."""
     with served() as stand_in:
         yield stand_in
-    # A socket or a thread somebody forgot would show now, in the test that forgot it.
-    gc.collect()
+    # A thread somebody forgot shows now, in the test that forgot it.
     assert [thread.name for thread in threading.enumerate()] == ["MainThread"]
 
 

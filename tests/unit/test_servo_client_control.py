@@ -1,6 +1,5 @@
 """Control modes, load validation and pushes as both clients ask for them, against the stand-in controller."""
 
-import gc
 import math
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -40,7 +39,6 @@ def controller() -> Iterator[Served]:
     with served() as stand_in:
         stand_in.do(lambda one: setattr(one, "valid_frames", {"gripper"}))
         yield stand_in
-    gc.collect()
 
 
 def taken(controller: Served, kind: type[Any]) -> list[Any]:
