@@ -1,6 +1,7 @@
 """What a capture of ours says of its run in the comment of its section: all that a fresh controller needs."""
 
 import platform
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Annotated, Final, Self
@@ -95,19 +96,12 @@ class CaptureHeader(_Model):
     @classmethod
     def of_run(cls, station: Station, robots: tuple[RobotStart, ...]) -> Self:
         """Return the header of a run that records now."""
-        libraries = {name: metadata.version(name) for name in _LIBRARIES}
-        machine = {
-            "python": platform.python_version(),
-            "system": platform.platform(),
-            **libraries,
-            ARITHMETIC: arithmetic_fingerprint(),
-        }
         return cls(
             software=SOFTWARE,
             format=_FORMAT,
             station=station.model_copy(update={"capture": None}),
             robots=robots,
-            machine=machine,
+            machine=machine(),
         )
 
     def with_key(self, key_file: Path) -> Self:
@@ -127,6 +121,17 @@ class CaptureHeader(_Model):
     def config(self, robot: int) -> RobotConfig:
         """Return the configuration of a robot."""
         return self.station.robot[robot]
+
+
+@cache
+def machine() -> dict[str, str]:
+    """Return what a run is computed with; the first call takes longer than a cycle."""
+    return {
+        "python": platform.python_version(),
+        "system": platform.platform(),
+        **{name: metadata.version(name) for name in _LIBRARIES},
+        ARITHMETIC: arithmetic_fingerprint(),
+    }
 
 
 def read_header(comment: str | None) -> CaptureHeader | None:

@@ -13,7 +13,7 @@ from typing import Final, Protocol
 
 from hil.config.ring import RingSize, parse_ring
 from hil.config.station import Station
-from hil.runtime.capture_header import CaptureHeader, RobotStart
+from hil.runtime.capture_header import CaptureHeader, RobotStart, machine
 from hil.runtime.journal import Recorder
 from hil.values.errors import HilError
 from transport.capture.batches import Ring
@@ -48,6 +48,8 @@ class Captures:
 
     def open(self) -> None:
         """Create the file the station names, if it names one; raise ``CaptureError``."""
+        # Looked up before the first cycle, which the lookup would delay by five.
+        machine()
         if self._station.capture is not None:
             self._own = CaptureProcess(self._station.capture)
 

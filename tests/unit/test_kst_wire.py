@@ -38,6 +38,8 @@ PRINTED = {
     math.inf: "Infinity",
     -math.inf: "-Infinity",
     9.265358979327931e-05: "9.265358979327931E-5",
+    # Rounding the exact value to as many digits is another number here.
+    2.0**-24: "5.960464477539063E-8",
     1306.0: "1306.0",
     400.01167249652696: "400.01167249652696",
     9999999.999: "9999999.999",

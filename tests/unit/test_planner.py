@@ -81,8 +81,38 @@ def test_every_answer_has_its_reason(answer: object, reason: ErrorReason) -> Non
 
 def test_axes_that_cannot_be_synchronised_go_each_for_itself() -> None:
     solver = Answering(Result.ErrorSynchronizationCalculation, Result.Working)
-    planned(planner_of(solver).to_goal(AT_ZERO, GOAL, range_is_sure=True))
+    planned(planner_of(solver).to_goal(AT_ZERO, GOAL, any_range=True))
     assert solver.asked == [Synchronization.Time, Synchronization.No]
+
+
+def test_a_profile_that_ruckig_misses_is_asked_for_once_more() -> None:
+    missed = RuckigError("\n[ruckig] error in step 1, dof: 0 input:")
+    solver = Answering(missed, Result.Working)
+    planned(planner_of(solver).to_goal(AT_ZERO, GOAL, any_range=True))
+    assert solver.asked == [Synchronization.Time] * 2
+    solver = Answering(missed, missed, Result.Working)
+    assert isinstance(planner_of(solver).to_goal(AT_ZERO, GOAL, any_range=True), Fault)
+
+
+@pytest.mark.parametrize("minimum_time_s", [0.0, 2.0])
+def test_a_way_that_would_turn_round_behind_the_end_of_the_range_rests_first(minimum_time_s: float) -> None:
+    end = BASIS.limits.position_max_rad[1]
+    planner = planner_of(acceleration_override=20.0, joint_jerk_percent=500.0)
+    # It can stop five milliradians before the end, and Ruckig's quickest way there is by 0.3 mrad behind it.
+    start = SetPoint((0.0, end - 0.05783758232384839, *STILL[2:]), (0.0, 0.3724146893862162, *STILL[2:]),
+                     (0.0, 12.762438827910257, *STILL[2:]))  # fmt: skip
+    goal = (0.0, end - 2e-8, *STILL[2:])
+    assert planned(planner.to_goal(start, goal, any_range=True)).duration_s < 0.2
+    way = planned(planner.to_goal(start, goal, minimum_time_s=minimum_time_s))
+    assert way.duration_s >= minimum_time_s
+    times = np.linspace(0.0, way.duration_s, 2000)
+    positions = np.array([way.at(time).position_rad[1] for time in times])
+    velocities = np.array([way.at(time).velocity_rad_s[1] for time in times])
+    assert np.max(positions) <= end + 1e-9
+    assert np.max(np.abs(np.diff(positions) - 0.5 * (velocities[1:] + velocities[:-1]) * times[1])) < 1e-6
+    assert way.end.position_rad == pytest.approx(goal, abs=1e-8)
+    moving_away = SetPoint(start.position_rad, (0.0, 1.7, *STILL[2:]))
+    assert isinstance(planner.to_goal(moving_away, goal), Fault)
 
 
 def test_axes_that_must_arrive_with_a_velocity_are_not_tried_without_synchronisation() -> None:

@@ -6,7 +6,7 @@ import random
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from ruckig import Result
 
@@ -88,6 +88,8 @@ def test_from_and_to_the_very_ends_of_the_range(where: str, goal: str, time_s: f
     assert_in_range(run)
 
 
+@example(seed=826)  # the way of one axis, as quick as it can be, turns round behind the end
+@example(seed=1363)  # a way that waits for another axis does
 @given(seed=SEEDS)
 def test_no_cycle_on_the_way_to_the_ends_of_the_range_is_beyond_them(seed: int) -> None:
     """Ruckig meets a place to 1e-8 rad only, on either side of it."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hil.core.motion.destinations import destination
@@ -92,6 +92,7 @@ def nearest_to_the_end(velocities: TargetVelocities, limits: JointLimits, axis: 
 
 
 @settings(max_examples=cases(60))
+@example(seed=1196, jerk=500.0, override=20.0)  # Ruckig misses a profile that there is
 @given(seed=SEEDS, jerk=st.sampled_from((30.0, 100.0, 500.0)), override=st.sampled_from((5.0, 20.0)))
 def test_on_the_way_to_a_velocity_near_the_end_of_the_range_any_destination_may_follow(
     seed: int, jerk: float, override: float

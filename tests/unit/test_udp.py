@@ -81,9 +81,12 @@ async def test_the_kernel_says_when_a_datagram_came_however_late_it_is_read() ->
     host = own_host()
     with udp(host) as peer:
         endpoint = await open_peer_endpoint(bind=Address(host, 0), peer=address_of(peer))
-        stamped = [await stamped_in_time(peer, endpoint) for _ in range(10)]
+        async with asyncio.timeout(10):
+            while not await stamped_in_time(peer, endpoint):
+                pass
+        stamped = [await stamped_in_time(peer, endpoint) for _ in range(5)]
         endpoint.close()
-    assert all(stamped[3:])
+    assert all(stamped)
 
 
 async def test_nobody_listening_is_counted_and_every_datagram_is_still_sent() -> None:

@@ -2,6 +2,7 @@
 
 import math
 import re
+from decimal import Decimal
 from typing import Final
 
 _LEAST_PLAIN: Final = 1e-3
@@ -34,9 +35,10 @@ def java_text(number: float) -> str:
     if number == 0.0 or _LEAST_PLAIN <= abs(number) < _MOST_PLAIN:
         # Python changes to an exponent later than Java, above and below.
         return repr(number)
-    digits = f"{number!r}".partition("e")[0].lstrip("-0.").replace(".", "").rstrip("0")
+    shortest = Decimal(repr(number)).normalize()
     # Java has two digits at least, the nearest ones: 4.9E-324 where Python has 5e-324.
-    mantissa, _, exponent = f"{number:.{max(1, len(digits) - 1)}e}".partition("e")
+    text = f"{shortest:e}" if len(shortest.as_tuple().digits) > 1 else f"{number:.1e}"
+    mantissa, _, exponent = text.partition("e")
     return f"{mantissa}E{int(exponent)}"
 
 

@@ -48,6 +48,7 @@ The Python binding lacks Ruckig's result for a duration above 7.6e3 s and fails 
 _PLANNED: Final = frozenset({Result.Working, Result.Finished})
 _STRAIGHT_TOLERANCE_RAD = 1e-9
 _NO_WAY_RAD = 1e-8
+_BESIDE = 1.0 - 1e-9
 
 
 class Solver(Protocol):
@@ -77,6 +78,22 @@ class Plan:
         return self.at(self.duration_s)
 
 
+class PlanByWayOfRest(Plan):
+    """To a standstill, and on from there."""
+
+    __slots__ = ("_from_rest", "_to_rest")
+
+    def __init__(self, to_rest: Plan, from_rest: Plan) -> None:
+        self._to_rest = to_rest
+        self._from_rest = from_rest
+        self.duration_s = to_rest.duration_s + from_rest.duration_s
+
+    def at(self, time_s: float) -> SetPoint:
+        """Return the set point at a time."""
+        left_s = time_s - self._to_rest.duration_s
+        return self._to_rest.at(time_s) if left_s < 0.0 else self._from_rest.at(left_s)
+
+
 class TrajectoryPlanner:
     """Plans within ``limits``; one for each motion, because what it works on is used again each time.
 
@@ -98,14 +115,16 @@ class TrajectoryPlanner:
         *,
         velocity_rad_s: Seven = STILL,
         minimum_time_s: float = 0.0,
-        range_is_sure: bool = False,
+        any_range: bool = False,
         margin_rad: Seven | None = None,
     ) -> Plan | Fault:
         """Plan a way to ``goal_rad`` on which all axes arrive together, with ``velocity_rad_s``.
 
-        If it leaves an axis range, or the axes cannot be synchronised, every axis goes as quickly as it can; that is no
-        way out where axes have to arrive with a velocity. A way with a velocity at its end takes whole cycles, so that
-        it is reached at the end of one. ``range_is_sure`` spares the look at the range (it keeps ``margin_rad`` to it).
+        Ruckig's ways may turn round behind their end, although the axis could stop before it. If one leaves an axis
+        range, or the axes cannot be synchronised, every axis goes as quickly as it can; if that leaves it too, the arm
+        comes to rest first. Neither is a way out where axes have to arrive with a velocity. A way with a velocity at
+        its end takes whole cycles, so that it is reached at the end of one. ``any_range`` spares the look at the range
+        (it keeps ``margin_rad`` to it).
         """
         fault = bad_execution_time(minimum_time_s)
         if fault is not None:
@@ -118,13 +137,15 @@ class TrajectoryPlanner:
         request.minimum_duration = minimum_time_s
         if arrives_moving:
             request.duration_discretization = DurationDiscretization.Discrete
-        planned = self._plan(request, None if range_is_sure else start, margin_rad)
+        planned = self._plan(request, None if any_range else start, margin_rad)
         if arrives_moving:
             request.duration_discretization = DurationDiscretization.Continuous
         elif isinstance(planned, Fault) and planned.reason in _WITHOUT_SYNCHRONIZATION:
             request.synchronization = Synchronization.No
             planned = self._plan(request, start, margin_rad)
             request.synchronization = Synchronization.Time
+            if isinstance(planned, Fault) and (start.velocity_rad_s, start.acceleration_rad_s2) != (STILL, STILL):
+                return self._by_way_of_rest(start, goal_rad, minimum_time_s) or planned
         return planned
 
     def along_line(self, start: SetPoint, goal_rad: Seven) -> Plan | Fault:
@@ -135,7 +156,7 @@ class TrajectoryPlanner:
         """
         way = [_way(here, there) for here, there in zip(start.position_rad, goal_rad, strict=True)]
         if not any(way):
-            return self.to_goal(start, goal_rad, range_is_sure=True)
+            return self.to_goal(start, goal_rad, any_range=True)
         request = self._request()
         request.synchronization = Synchronization.Phase
         request.max_velocity = _shared(self._limits.velocity_rad_s, way)
@@ -156,20 +177,38 @@ class TrajectoryPlanner:
         request.current_position, request.current_velocity, request.current_acceleration = start
         return self._plan(request, start, None)
 
+    def _by_way_of_rest(self, start: SetPoint, goal_rad: Seven, minimum_time_s: float) -> Plan | None:
+        stop = self.to_rest(start)
+        if isinstance(stop, Fault):
+            return None
+        left_s = max(0.0, minimum_time_s - stop.duration_s)
+        on = self.to_goal(SetPoint(stop.end.position_rad, STILL), goal_rad, minimum_time_s=left_s)
+        return None if isinstance(on, Fault) else PlanByWayOfRest(stop, on)
+
     def _plan(self, request: InputParameter, start: SetPoint | None, margin_rad: Seven | None) -> Plan | Fault:
         """Solve ``request``; with a ``start``, look at the axis ranges."""
         trajectory = Trajectory(JOINT_COUNT)
-        try:
-            result = self._solver.calculate(request, trajectory)
-        except (RuckigError, ValueError) as error:
-            return _fault_of(error)
-        if result not in _PLANNED:
-            return Fault(RESULTS.get(result, ErrorReason.ERROR), f"the planner answers {result!s}")
+        fault = self._solve(request, trajectory)
+        if fault is not None and fault.reason is ErrorReason.EXECUTION_TIME_CALCULATION:
+            # Ruckig misses the profile of an axis for single inputs, and finds it for those beside them.
+            request.current_acceleration = [_BESIDE * value for value in request.current_acceleration]
+            fault = self._solve(request, trajectory) and fault
+        if fault is not None:
+            return fault
         plan = Plan(trajectory)
         if start is None:
             return plan
         end = plan.end.position_rad
         return leaves_range(trajectory, start, end, limits=self._limits, margin_rad=margin_rad) or plan
+
+    def _solve(self, request: InputParameter, trajectory: Any) -> Fault | None:
+        try:
+            result = self._solver.calculate(request, trajectory)
+        except (RuckigError, ValueError) as error:
+            return _fault_of(error)
+        if result in _PLANNED:
+            return None
+        return Fault(RESULTS.get(result, ErrorReason.ERROR), f"the planner answers {result!s}")
 
     def _request(self) -> InputParameter:
         request = InputParameter(JOINT_COUNT)

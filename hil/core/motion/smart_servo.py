@@ -60,7 +60,6 @@ class SmartServo(ServoMotion):
         self._goal: Destination
         self._course: Course | None = None
         self._leg = Leg.TO_GOAL
-        self._range_is_sure = False
         self._under_way: tuple[Seven, Seven, float] | None = None
         """What the course to the goal was planned for: position, velocity, minimum time."""
         self._forecast: tuple[Destination, float] | None = None
@@ -93,8 +92,6 @@ class SmartServo(ServoMotion):
         start = self._set_point = admissible(start, self._limits)
         rests = start.velocity_rad_s == STILL and start.acceleration_rad_s2 == STILL
         stop = None if rests else self._planner.to_rest(start)
-        # Where the arm can stop inside its range, Ruckig's ways to places inside stay there too; and so on from them.
-        self._range_is_sure = not isinstance(stop, Fault)
         if goal is not None:
             return self._aim(goal)
         if isinstance(stop, Fault):
@@ -112,7 +109,7 @@ class SmartServo(ServoMotion):
         wanted = (goal.position_rad, goal.velocity_rad_s, self.parameters.minimum_execution_time_s)
         if wanted == self._under_way:
             return None
-        planned = self._plan(self._set_point, goal, range_is_sure=self._range_is_sure)
+        planned = self._plan(self._set_point, goal)
         if isinstance(planned, Fault):
             return planned
         self._under_way = wanted
@@ -147,12 +144,10 @@ class SmartServo(ServoMotion):
         self._under_way = None
         if self._leg is Leg.STOPPING:
             self.seconds_hand.stands(now_ns)
-            self._range_is_sure = True
             if self.interpolator is _S.MOVING:
                 self._goal_reached(Trigger.GOAL_REACHED, now_ns)
         elif self._goal.velocity_rad_s == STILL:
             self.seconds_hand.stands(now_ns)
-            self._range_is_sure = True
             self._goal_reached(Trigger.GOAL_REACHED, now_ns)
         else:
             self._coast(now_ns)
@@ -170,14 +165,14 @@ class SmartServo(ServoMotion):
         self._course = PlannedCourse(stop, SetPoint(stop.end.position_rad, STILL), cycle_s=self._cycle_s)
         return self._course
 
-    def _plan(self, start: SetPoint, goal: Destination, *, range_is_sure: bool) -> Plan | Fault:
+    def _plan(self, start: SetPoint, goal: Destination, *, any_range: bool = False) -> Plan | Fault:
         arrives_moving = goal.velocity_rad_s != STILL
         return self._planner.to_goal(
             start,
             goal.position_rad if goal.position_rad == start.position_rad else goal.planned_rad,
             velocity_rad_s=goal.velocity_rad_s,
             minimum_time_s=self.parameters.minimum_execution_time_s,
-            range_is_sure=range_is_sure and not arrives_moving,
+            any_range=any_range,
             margin_rad=self._velocities.margin_rad(goal) if arrives_moving else None,
         )
 
@@ -187,6 +182,6 @@ class SmartServo(ServoMotion):
         ahead = max(0, cycles - 1)
         if self._forecast is None or self._forecast[0] is not newest:
             start = self._set_point if self._course is None else self._course.ahead(ahead)
-            planned = self._plan(start, newest, range_is_sure=True)
+            planned = self._plan(start, newest, any_range=True)
             self._forecast = newest, 0.0 if isinstance(planned, Fault) else planned.duration_s
         return ahead * self._cycle_s + self._forecast[1]
