@@ -10,10 +10,10 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.table import Table
+from rich.table import Column, Table
 
 from hil.cli.json_output import JsonOutput
-from hil.values.errors import UnknownName
+from hil.values.errors import UnknownName, UsageError
 
 if TYPE_CHECKING:
     from tools.campaign.plan import Plan
@@ -30,7 +30,7 @@ def campaign(  # noqa: PLR0917  # typer makes the options of the parameters
         int | None, typer.Option(min=1, max=256, help="Worker processes; one for each core.", show_default=False)
     ] = None,
     dask: Annotated[
-        str | None, typer.Option(metavar="ADDR:PORT", help="Play on the Dask cluster of this scheduler instead.")
+        str | None, typer.Option(metavar="tcp://HOST:PORT", help="Play on the Dask cluster of this scheduler instead.")
     ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Where results are kept; FILE-results.", show_default=False)
@@ -50,7 +50,6 @@ def campaign(  # noqa: PLR0917  # typer makes the options of the parameters
 
     The same command goes on where an interrupted campaign was. Exit code 1 where a scenario did not pass.
     """
-    from hil.values.errors import UsageError
     from tools.campaign.plan import load_plan
 
     plan = load_plan(file)
@@ -74,6 +73,7 @@ def _play_one(plan: "Plan", name: str, capture: Path | None) -> None:
     check_result_file(capture)
     console = Console(highlight=False)
     happened: list[str] = []
+    console.print(f"playing {name}, however long it takes; Ctrl-C ends it", markup=False)
     row = play(
         found, capture=capture, say=lambda line: console.print(f"| {line}", markup=False), events=happened.append
     )
@@ -97,11 +97,8 @@ def _play_all(  # noqa: PLR0917
     console = Console(stderr=output.alone)
     interrupted = False
     with Store(out, fresh=fresh) as store:
-        left = [
-            one
-            for one in plan.scenarios
-            if one.key not in store.rows or store.rows[one.key]["outcome"] == "worker-died"
-        ]
+        patience_s = plan.campaign.patience_s
+        left = [one for one in plan.scenarios if not store.has(one, patience_s=patience_s)]
         done = len(plan.scenarios) - len(left)
         if done:
             console.print(f"{done} of {len(plan.scenarios)} scenarios are in {out} already", markup=False)
@@ -111,10 +108,15 @@ def _play_all(  # noqa: PLR0917
             interrupted = True
         rows = [store.rows[one.key] for one in plan.scenarios if one.key in store.rows]
         if rows:
-            _write_results(console, rows, out, title=f"{file.name}: {len(rows)} of {len(plan.scenarios)} scenarios")
+            try:
+                _write_results(console, rows, out, title=f"{file.name}: {len(rows)} of {len(plan.scenarios)} scenarios")
+            except OSError as error:
+                raise UsageError(
+                    f"cannot write the results in {out}: {error.strerror or error}; the rows are kept"
+                ) from error
     if interrupted:
         console.print(f"interrupted: {len(rows)} of {len(plan.scenarios)} are done; the same command goes on")
-    _print_summary(console, rows, file)
+    _print_summary(console, rows, file, planned=len(plan.scenarios))
     output.write(_as_dict(rows, len(plan.scenarios), file))
     if interrupted:
         raise typer.Exit(_INTERRUPTED)
@@ -176,13 +178,12 @@ def _replay_command(file: Path, row: "Row") -> str:
     return f"hil campaign {shlex.quote(str(file))} --scenario {shlex.quote(row['scenario'])}"
 
 
-def _print_summary(console: Console, rows: "Sequence[Row]", file: Path) -> None:
+def _print_summary(console: Console, rows: "Sequence[Row]", file: Path, *, planned: int) -> None:
     from tools.campaign.summary import first_failure, groups, worst_latencies, worst_margins
 
     table = Table(
-        "application",
-        "impairment",
-        "scenarios",
+        Column("application", overflow="fold"),
+        Column("impairment", overflow="fold"),
         "passed",
         "commanded, s",
         "largest use of a limit",
@@ -196,8 +197,7 @@ def _print_summary(console: Console, rows: "Sequence[Row]", file: Path) -> None:
         table.add_row(
             escape(group.application),
             escape(group.impairment),
-            str(len(group.rows)),
-            f"[{color}]{group.passed}[/{color}]",
+            f"[{color}]{group.passed} of {len(group.rows)}[/{color}]",
             group.commanded_s,
             monitor if worst["margin_used"] else "-",
             "-" if latency_us is None else f"{latency_us * 1e-3:.2f}",
@@ -211,8 +211,10 @@ def _print_summary(console: Console, rows: "Sequence[Row]", file: Path) -> None:
         console.print(f"[red]{failed} of {len(rows)} did not pass[/red]; the first: {escape(failure['scenario'])}")
         console.print(f"  {failure['outcome']}: {failure['reason']}", markup=False, highlight=False, soft_wrap=True)
         console.print(f"  {_replay_command(file, failure)}", markup=False, highlight=False, soft_wrap=True)
+    elif len(rows) == planned:
+        console.print(f"[green]all {planned} scenarios passed[/green]")
     elif rows:
-        console.print(f"[green]all {len(rows)} scenarios passed[/green]")
+        console.print(f"the {len(rows)} that were played passed; {planned - len(rows)} were not")
 
 
 def _print_worst(console: Console, title: str, rows: "Sequence[Row]", told: "Callable[[Row], str]") -> None:

@@ -1,6 +1,7 @@
 """The station file (TOML): robots, their backends and their links. Unknown keys are errors."""
 
 import tomllib
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -401,10 +402,12 @@ def parse_robot(content: dict[str, Any], *, where: str) -> RobotConfig:
         raise ConfigurationError(f"{where}: {first_problems(error)}") from None
 
 
-def first_problems(error: ValidationError, most: int = 3) -> str:
-    """Return in words what pydantic found, with the place of each in the file."""
-    problems = error.errors(include_url=False)
-    told = [f"{_place(problem['loc'])}{_message(problem)}" for problem in problems[:most]]
+def first_problems(error: ValidationError, most: int = 3, *, listed: str = "hil config schema lists all") -> str:
+    """Return in words what pydantic found, with the place of each in the file; ``listed``: where the keys are."""
+    found = error.errors(include_url=False)
+    # A list of which one is wrong is not too short for that.
+    problems = [one for one in found if one["type"] != "too_short" or not _is_about_parts_too(one, found)]
+    told = [f"{_place(problem['loc'])}{_message(problem, listed)}" for problem in problems[:most]]
     if len(problems) > most:
         told.append(f"and {len(problems) - most} more")
     return "; ".join(told)
@@ -415,10 +418,15 @@ def _place(location: tuple[int | str, ...]) -> str:
     return f"{place}: " if place else ""
 
 
-def _message(problem: Any) -> str:  # pydantic's error dictionary has no public type
+def _is_about_parts_too(problem: Any, found: Sequence[Any]) -> bool:
+    place = problem["loc"]
+    return any(other["loc"] != place and other["loc"][: len(place)] == place for other in found)
+
+
+def _message(problem: Any, listed: str) -> str:  # pydantic's error dictionary has no public type
     message = str(problem["msg"]).removeprefix("Value error, ")
     if problem["type"] == "extra_forbidden":
-        return "there is no such key (hil config schema lists all)"
+        return f"there is no such key ({listed})"
     if problem["type"] in {"value_error", "missing"}:
         return message
     return f"{message}, got {problem['input']!r}"

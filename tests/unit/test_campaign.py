@@ -96,20 +96,35 @@ def test_every_combination_is_a_scenario_but_what_an_application_leaves_out(writ
         (program("a") + '[[impairment]]\nname = "x"\nfaults = ["loss=200%"]\n', "loss"),
         (program("a") + program("a"), "the name 'a' is given twice"),
         (program("a", gains=["none"]), "gains has 'none'; valid: default"),
-        ("seeds = 0\n" + program("a"), "how many (from 1 on)"),
+        ("seeds = 0\n" + program("a"), "how many seeds (1 to 1000000)"),
         ("seeds = [1, 1]\n" + program("a"), "a seed is listed twice"),
-        ("seeds = 2000000\n" + program("a"), "how many (from 1 on)"),
+        ("seeds = 2000000\n" + program("a"), "how many seeds (1 to 1000000)"),
         (program("missing"), "there is no file"),
         (program("a", robot={}).replace("{}", '{ mode = "T3" }'), "a/perfect/default/none: mode: "),
         (program("a") + '[[load]]\nname = "x"\nmass_kg = -1\n', "mass_kg"),
         ('station = "nowhere.toml"\n' + program("a"), "nowhere.toml"),
-        (program("a/b"), "name"),
+        (program("a/b"), "'a/b' is no name: 1 to 40 letters"),
+        ("impairment = []\n" + program("a"), "impairment: "),
+        (program("a", gains=[]), "application[1].gains: "),
+        ("[[application]]\nname = 'a'\nrun = 'no.such'\n", "there is no module no.such that can be run"),
+        ("[[application]]\nname = 'a'\nrun = 'json'\n", "there is no module json that can be run"),
+        (program("a", robot={}).replace("{}", '{ model = "lbr-iiwa-77" }'), "unknown robot 'lbr-iiwa-77'"),
+        (program("a", robot={}).replace("{}", '{ backend = "mojoco" }'), "mojoco"),
+        (program("a", robot={}).replace("{}", '{ backend = "cabinet" }'), "cannot be in virtual time"),
+        (program("a", robot={}).replace("{}", '{ servo = { key_file = "no.key" } }'), "no.key"),
     ],
 )
 def test_a_file_that_cannot_work_is_refused_before_anything_runs(written: Written, text: str, told: str) -> None:
     with pytest.raises(ConfigurationError) as refused:
         load_plan(written(text, a=MOVES))
     assert told in str(refused.value)
+
+
+def test_one_mistake_is_told_once(written: Written) -> None:
+    with pytest.raises(ConfigurationError) as refused:
+        load_plan(written(program("a", argument="x"), a=MOVES))
+    assert "application[1].argument: there is no such key (docs/campaigns.md lists all)" in str(refused.value)
+    assert "at least 1 item" not in str(refused.value)
 
 
 def test_more_scenarios_than_anybody_waits_for_are_refused(written: Written) -> None:
@@ -146,6 +161,9 @@ def test_a_scenario_gives_the_same_row_again_and_tells_what_it_did(written: Writ
         ("import sys\nsys.exit('a sentence')", "failed", "exit code 1: a sentence"),
         ("import time\nwhile True: time.sleep(1)", "timeout", "did not end within 2 s"),
         ("import sys\nsys.exit(0)", "passed", ""),
+        ("\nraise ValueError('a \x1b[31mtwo\\n  lines')", "failed", "ValueError: a [31mtwo lines (a.py:2)"),
+        ("print('│ No such option │')\nprint('╰──╯')\nraise SystemExit(2)", "failed", "exit code 2: No such option"),
+        (SINE_PROGRAM, "timeout", "the application did not end within 2 s"),
     ],
 )
 def test_the_end_of_a_program_is_told(written: Written, text: str, outcome: str, told: str) -> None:
@@ -213,11 +231,16 @@ def test_a_worker_that_dies_costs_its_scenario_a_retry_and_one_that_hangs_nothin
     dies_once = "import os, pathlib, signal, sys\nmarker = pathlib.Path(sys.argv[1])\nif not marker.exists():\n"
     dies_once += "    marker.touch()\n    os.kill(os.getpid(), signal.SIGKILL)\n"
     file = written(
-        program("well") + program("once", arguments=[str(tmp_path / "marker")]) + program("always") + program("hangs"),
+        program("well")
+        + program("once", arguments=[str(tmp_path / "marker")])
+        + program("always")
+        + program("hangs")
+        + program("interrupts"),
         well=MOVES,
         once=dies_once,
         always="import os\nos._exit(7)\n",
         hangs="while True: pass\n",
+        interrupts="raise KeyboardInterrupt",
     )
     scenarios = load_plan(file).scenarios
     rows = {row["application"]: row for row in play_locally(scenarios, workers=2, patience_s=1.5, retries=1)}
@@ -226,6 +249,8 @@ def test_a_worker_that_dies_costs_its_scenario_a_retry_and_one_that_hangs_nothin
     assert (rows["always"]["outcome"], rows["always"]["attempts"]) == ("worker-died", 2)
     assert rows["always"]["reason"] == "its worker died with exit code 7"
     assert (rows["hangs"]["outcome"], rows["hangs"]["reason"]) == ("hung", "took longer than 1.5 s")
+    assert rows["hangs"]["wall_s"] == 1.5
+    assert (rows["interrupts"]["outcome"], rows["interrupts"]["reason"]) == ("failed", "KeyboardInterrupt")
 
 
 def some_rows() -> list[Row]:
@@ -283,7 +308,7 @@ def test_the_command_goes_on_where_it_was_and_names_the_first_failure(
     assert "hil campaign campaign.toml --scenario bad/perfect/default/none/1" in once.out
     summary = json.loads((tmp_path / "sum.json").read_text())
     assert summary["outcomes"] == {"passed": 1, "failed": 1}
-    assert summary["first_failure"]["reason"] == "ValueError: no"
+    assert summary["first_failure"]["reason"] == "ValueError: no (bad.py:2)"
     out = tmp_path / "campaign-results"
     with (out / "results.csv").open(newline="") as stream:
         table = list(csv.DictReader(stream))
@@ -298,6 +323,7 @@ def test_the_command_goes_on_where_it_was_and_names_the_first_failure(
     assert one.code == 1
     assert "ValueError: no" in one.out
     assert "| before" in one.out
+    assert "line 2" in one.out, "a traceback"
     assert (tmp_path / "bad.pcapng").stat().st_size > 0
     wrong = cli("campaign", "campaign.toml", "--scenario", "bad/perfect")
     assert wrong.code == 2
@@ -317,11 +343,48 @@ def test_the_key_changes_with_everything_that_changes_the_row(written: Written) 
         assert dataclasses.replace(scenario, **change).key != scenario.key
 
 
-def test_a_program_that_was_changed_is_played_again(written: Written) -> None:
-    text = program("a")
-    before, after = (load_plan(written(text, a=source)).scenarios[0] for source in (MOVES, MOVES + "\n"))
+@pytest.mark.parametrize("changed", ["a.py", "beside.py", "package/part.py", "data.csv", "module/part.py"])
+def test_a_program_that_was_changed_is_played_again(
+    written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("package", "module"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").touch()
+    for name in ("beside.py", "package/part.py", "module/part.py", "module/app.py", "data.csv", "other.csv"):
+        (tmp_path / name).write_text("1")
+    file = written(program("a", arguments=["--data", "data.csv"]), a=MOVES)
+    if changed.startswith("module"):
+        file = written('[[application]]\nname = "a"\nrun = "module.app"\n')
+    before, again = (load_plan(file).scenarios[0] for _ in range(2))
+    (tmp_path / "other.csv").write_text("2")
+    assert before.key == again.key == load_plan(file).scenarios[0].key
+    (tmp_path / changed).write_text(MOVES + "2")
+    after = load_plan(file).scenarios[0]
     assert before.name == after.name
     assert before.key != after.key
+
+
+def test_a_command_that_was_refused_is_a_limit_that_was_used_up(written: Written) -> None:
+    text = "[require]\nstops = 9\nmargin_used = 0.9\n" + SINE.replace('"1.6"', '"3", "--frequency", "8", "--amplitude", "1.5"')
+    row = play(load_plan(written(text, sine=SINE_PROGRAM)).scenarios[0])
+    assert (row["margin_used"], row["margin_monitor"]) == (1.0, "axis velocity (refused)")
+    assert "100.0% of the limit of axis velocity (refused) used (allowed: 90.0%)" in row["reason"]
+
+
+def test_a_scenario_that_hung_is_tried_again_with_more_patience_only(tmp_path: Path) -> None:
+    scenario = Scenario("a", "b", "c", "d", 1, "m", (), None, (), {}, 1.0, Require())
+    with Store(tmp_path) as store:
+        assert not store.has(scenario, patience_s=1.0)
+        for outcome, there in (("hung", True), ("worker-died", False), ("failed", True)):
+            store.add({**empty_row(scenario, outcome, ""), "wall_s": 6.0})
+            assert store.has(scenario, patience_s=6.0) is there
+        store.add({**empty_row(scenario, "hung", ""), "wall_s": 6.0})
+        assert not store.has(scenario, patience_s=7.0)
+    with (tmp_path / ROWS).open("ab") as stream:
+        stream.write(b"\xff\xfe\n")
+    with Store(tmp_path) as store:
+        assert store.has(scenario, patience_s=6.0)
 
 
 def test_the_example_can_be_played() -> None:

@@ -4,6 +4,7 @@ Its workers have this release of fri-hil, and the programs and captures at the s
 """
 
 import faulthandler
+import re
 from collections.abc import Iterable, Iterator
 from itertools import islice
 from typing import Any, Final
@@ -30,6 +31,9 @@ def play_on_cluster(scenarios: Iterable[Scenario], *, scheduler: str, patience_s
         raise ConfigurationError(
             "a Dask cluster needs the package distributed: pip install 'fri-hil[campaign]'"
         ) from None
+    if re.search(r":\d+$", scheduler) is None:
+        # Such a client would fail twice, the second time in a thread of its own.
+        raise EndpointError(f"{scheduler!r} is no address of a Dask scheduler; tcp://HOST:PORT is one")
     try:
         client = Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:

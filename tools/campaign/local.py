@@ -119,6 +119,7 @@ class _Pool:
                 elif worker.overdue():
                     why = f"took longer than {self._patience_s:g} s" if worker.started else "no worker started"
                     row = empty_row(worker.task.scenario, "hung", why, attempts=worker.task.attempt)
+                    row["wall_s"] = self._patience_s
                     self._replace(place)
                 else:
                     continue
@@ -181,4 +182,10 @@ def _work(connection: Connection) -> None:
     with contextlib.suppress(EOFError, OSError):
         connection.send(None)
         while True:
-            connection.send(play(connection.recv()))
+            scenario: Scenario = connection.recv()
+            try:
+                row = play(scenario)
+            except KeyboardInterrupt:
+                # Nobody's key: the program raised it itself.
+                row = empty_row(scenario, "failed", "KeyboardInterrupt")
+            connection.send(row)

@@ -1,5 +1,6 @@
 """A campaign in one picture: worst margins, answer latencies, and what did not pass."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -37,19 +38,21 @@ def draw(rows: Sequence[Row], file: Path, *, title: str) -> None:
 
 
 def _margins(axis: Any, rows: Sequence[Row], applications: list[str], impairments: list[str]) -> None:
+    # Where nothing moved there is nothing to be proud of: such a cell is grey.
     worst = {
-        (group.application, group.impairment): max(row["margin_used"] for row in group.rows) for group in groups(rows)
+        (group.application, group.impairment): group.worst_margin["margin_used"] or float("nan")
+        for group in groups(rows)
     }
     table = [[worst.get((name, impairment), float("nan")) for impairment in impairments] for name in applications]
+    axis.set_facecolor("#dddddd")
     axis.imshow(table, cmap="YlOrRd", vmin=0.0, vmax=1.0, aspect="auto")
     for row, numbers in enumerate(table):
         for column, used in enumerate(numbers):
-            if used == used:  # noqa: PLR0124  # not a number: this pair is not in the plan
-                color = "white" if used > 0.6 else "black"
-                axis.text(column, row, f"{used:.0%}", ha="center", va="center", color=color)
+            color = "white" if used > 0.6 else "black"
+            axis.text(column, row, "-" if math.isnan(used) else f"{used:.0%}", ha="center", va="center", color=color)
     axis.set_xticks(range(len(impairments)), impairments, rotation=30, ha="right")
     axis.set_yticks(range(len(applications)), applications)
-    axis.set_title("largest use of a limit\n(100 % trips its monitor)", fontsize="medium")
+    axis.set_title("largest use of a limit\n(100 %: a monitor tripped, or a command was refused)", fontsize="medium")
 
 
 def _latencies(axis: Any, rows: Sequence[Row], impairments: list[str]) -> None:

@@ -1,27 +1,38 @@
 """The campaign file (TOML): what is combined with what. Unknown keys are errors."""
 
-import hashlib
+import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from backends.registry import check_backend, load_plugin
+from backends.robots import load_description
 from hil.config.frames import LoadConfig
 from hil.config.station import first_problems, parse_robot, robot_keys
+from hil.runtime.assembly import make_servo_codec
 from hil.values.errors import ConfigurationError, HilError
+from tools.campaign.program import Programs
 from tools.campaign.scenario import Require, Scenario
 from transport.impairment import parse_fault
 
 MOST_SCENARIOS: Final = 1_000_000
-_NAME: Final = r"^[\w.+-][\w.+, -]{0,39}$"
+_NAME: Final = re.compile(r"[\w.+-][\w.+, -]{0,39}")
 _DEFAULT_ROBOT: Final[Mapping[str, Any]] = {"fri": {}, "servo": {}}
 
-Name = Annotated[str, Field(pattern=_NAME, description="1 to 40 letters, digits, spaces, commas and . + - _")]
+
+def _named(name: str) -> str:
+    if _NAME.fullmatch(name) is None:
+        raise ConfigurationError(f"{name!r} is no name: {_NAMES}, no space first")
+    return name
+
+
+_NAMES: Final = "1 to 40 letters, digits, spaces, commas and . + - _"
+Name = Annotated[str, AfterValidator(_named), Field(description=_NAMES)]
 
 
 class _Model(BaseModel):
@@ -39,15 +50,18 @@ class _Axis(_Model):
         return self.robot
 
 
+_Only = Annotated[tuple[str, ...] | None, Field(min_length=1, description="only with these; default: all")]
+
+
 class ApplicationConfig(_Axis):
     """``[[application]]``: a program of yours, or a capture whose client speaks again."""
 
     run: Annotated[str | None, Field(description="module, or file.py, that is run as a program")] = None
     arguments: Annotated[tuple[str, ...], Field(description="its command line")] = ()
     capture: Annotated[Path | None, Field(description="capture: its FRI client and its servo application speak")] = None
-    impairments: Annotated[tuple[str, ...] | None, Field(description="only with these; default: all")] = None
-    gains: Annotated[tuple[str, ...] | None, Field(description="only with these; default: all")] = None
-    loads: Annotated[tuple[str, ...] | None, Field(description="only with these; default: all")] = None
+    impairments: _Only = None
+    gains: _Only = None
+    loads: _Only = None
 
     @model_validator(mode="after")
     def _one_of(self) -> Self:
@@ -119,9 +133,9 @@ class Campaign(_Model):
     robot: Annotated[dict[str, Any], Field(description="keys of a robot in a station file, laid over it")] = {}
     require: Annotated[Require, Field(description="what makes a scenario a failure")] = Require()
     application: Annotated[tuple[ApplicationConfig, ...], Field(min_length=1)]
-    impairment: tuple[ImpairmentConfig, ...] = (ImpairmentConfig(name="perfect"),)
-    gains: tuple[GainsConfig, ...] = (GainsConfig(name="default"),)
-    load: tuple[CampaignLoad, ...] = (CampaignLoad(name="none"),)
+    impairment: Annotated[tuple[ImpairmentConfig, ...], Field(min_length=1)] = (ImpairmentConfig(name="perfect"),)
+    gains: Annotated[tuple[GainsConfig, ...], Field(min_length=1)] = (GainsConfig(name="default"),)
+    load: Annotated[tuple[CampaignLoad, ...], Field(min_length=1)] = (CampaignLoad(name="none"),)
 
     @field_validator("seeds")
     @classmethod
@@ -130,7 +144,7 @@ class Campaign(_Model):
         if wrong:
             raise ConfigurationError(f"seed {wrong[0]}; 0 to 2^63 - 1 are valid")
         if seeds == () or (isinstance(seeds, int) and not 1 <= seeds <= MOST_SCENARIOS):
-            raise ConfigurationError(f"seeds = {seeds!r}; how many (from 1 on), or a list of them")
+            raise ConfigurationError(f"how many seeds (1 to {MOST_SCENARIOS}), or a list of some, not {seeds!r}")
         if isinstance(seeds, tuple) and len(set(seeds)) < len(seeds):
             raise ConfigurationError("a seed is listed twice: the two scenarios would be the same")
         return seeds
@@ -180,14 +194,18 @@ def load_plan(path: Path) -> Plan:
     try:
         campaign = Campaign.model_validate(content)
     except ValidationError as error:
-        raise ConfigurationError(f"{path}: {first_problems(error)}") from None
-    base = _base(campaign, path)
+        raise ConfigurationError(f"{path}: {first_problems(error, listed='docs/campaigns.md lists all')}") from None
+    base, programs = _base(campaign, path), Programs(path.parent)
     count = len(campaign.numbers) * sum(1 for _ in _combinations(campaign))
     if count > MOST_SCENARIOS:
         raise ConfigurationError(f"{path}: {count} scenarios; {MOST_SCENARIOS} at most")
     scenarios = [
-        scenario for combination in _combinations(campaign) for scenario in _seeded(campaign, combination, base, path)
+        scenario
+        for combination in _combinations(campaign)
+        for scenario in _seeded(campaign, combination, base, path, programs)
     ]
+    if not scenarios:
+        raise ConfigurationError(f"{path}: nothing goes with anything: no application has all it is combined with")
     return Plan(campaign, tuple(scenarios))
 
 
@@ -213,22 +231,25 @@ def _base(campaign: Campaign, path: Path) -> dict[str, Any]:
     return laid_over(robot_keys(path.parent / campaign.station, campaign.robot_name, where=str(path)), campaign.robot)
 
 
-def _seeded(campaign: Campaign, combination: _Combination, base: Mapping[str, Any], path: Path) -> Iterator[Scenario]:
+def _seeded(
+    campaign: Campaign, combination: _Combination, base: Mapping[str, Any], path: Path, programs: Programs
+) -> Iterator[Scenario]:
     application, impairment, gains, load = combination
     where = f"{path}: {'/'.join(one.name for one in combination)}"
     robot = dict(base)
-    capture: str | None = None
+    capture: Path | None = None
     if application.capture is not None:
-        capture = str(_found(path.parent / application.capture, where))
-        robot = _recorded_robot(Path(capture), robot, campaign, where)
+        capture = programs.file(application.capture, where)
+        robot = _recorded_robot(capture, robot, campaign, where)
     for axis in combination:
         robot = laid_over(robot, axis.keys())
     robot.pop("kst", None)
-    parse_robot(robot, where=where)
-    run = application.run
-    if run is not None and run.endswith(".py"):
-        run = str(_found(path.parent / run, where))
-    content = "" if (spoken := capture or run) is None or not Path(spoken).is_file() else _digest(Path(spoken))
+    _check_robot(robot, where)
+    run = None if application.run is None else programs.run(application.run, where)
+    arguments = () if run is None else (*application.arguments, *gains.arguments)
+    content = programs.digest_of_run(run, arguments) if run is not None else ""
+    if capture is not None:
+        content = programs.digest(capture)
     for seed in campaign.numbers:
         yield Scenario(
             application=application.name,
@@ -237,8 +258,8 @@ def _seeded(campaign: Campaign, combination: _Combination, base: Mapping[str, An
             load=load.name,
             seed=seed,
             run=run,
-            arguments=() if run is None else (*application.arguments, *gains.arguments),
-            capture=capture,
+            arguments=arguments,
+            capture=None if capture is None else str(capture),
             faults=impairment.faults,
             robot=robot,
             seconds=campaign.seconds,
@@ -247,21 +268,17 @@ def _seeded(campaign: Campaign, combination: _Combination, base: Mapping[str, An
         )
 
 
-@lru_cache(maxsize=64)
-def _digest_of(path: Path, _size: int, _changed_ns: int) -> str:
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-def _digest(path: Path) -> str:
-    status = path.stat()
-    return _digest_of(path, status.st_size, status.st_mtime_ns)
-
-
-def _found(path: Path, where: str) -> Path:
-    if not path.is_file():
-        raise ConfigurationError(f"{where}: there is no file {path}")
-    return path.resolve()
+def _check_robot(robot: dict[str, Any], where: str) -> None:
+    config = parse_robot(robot, where=where)
+    try:
+        load_description(config.model)
+        check_backend(config.backend, config.options)
+        if load_plugin(config.backend).capabilities().paces_the_cycle:
+            raise ConfigurationError(f"backend {config.backend} paces the cycle, so it cannot be in virtual time")
+        if config.servo is not None:
+            make_servo_codec(config.servo)
+    except HilError as error:
+        raise ConfigurationError(f"{where}: {error}") from error
 
 
 def _recorded_robot(capture: Path, base: Mapping[str, Any], campaign: Campaign, where: str) -> dict[str, Any]:

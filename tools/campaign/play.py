@@ -9,6 +9,7 @@ import random
 import runpy
 import sys
 import threading
+import traceback
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
@@ -27,6 +28,7 @@ from hil.testkit.controller import VirtualController
 from hil.testkit.errors import NeverHappened, VirtualTimeOver
 from hil.values.errors import HilError, UsageError
 from hil.values.fri import SessionState
+from hil.values.outcomes import Outcome
 from hil.values.robot import Seven
 from tools.campaign.requirement import broken
 from tools.campaign.scenario import Row, Scenario, empty_row
@@ -34,7 +36,13 @@ from transport.impairment import parse_fault
 
 _LINES_KEPT: Final = 20
 _LONGEST_LINE: Final = 500
+_BOX: Final = "│ "
 _FIRST_POSTURE_S: Final = 0.01
+_REFUSED_FOR: Final = {
+    Outcome.AXIS_LIMIT: "axis range (refused)",
+    Outcome.AXIS_VELOCITY: "axis velocity (refused)",
+    Outcome.TORQUE_LIMIT: "axis torque (refused)",
+}
 _ONE_AT_A_TIME: Final = threading.Lock()
 """Virtual time is of a whole process: a worker with several threads plays one scenario after the other."""
 
@@ -94,15 +102,26 @@ def _program(run: str, arguments: tuple[str, ...], say: Callable[[str], None] | 
             if end.code in {None, 0}:
                 return ""
             code = end.code if isinstance(end.code, int) else 1
-            last = end.code if isinstance(end.code, str) else output.last
+            last = one_line(end.code) if isinstance(end.code, str) else output.last
             return f"exit code {code}{f': {last}' if last else ''}"
         except VirtualTimeOver:
             return ""
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # noqa: BLE001  # whatever ends a program is an end of the program
-            return f"{type(error).__name__}: {error}"[:_LONGEST_LINE]
+            output.write("".join(traceback.format_exception(error)))
+            return one_line(f"{type(error).__name__}: {error}") + _raised_at(error)
     return ""
+
+
+def _raised_at(error: BaseException) -> str:
+    frames = traceback.extract_tb(error.__traceback__)
+    return f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
+
+
+def one_line(text: str) -> str:
+    """Return ``text`` as a table and a terminal can show it: on one line, not too long, without control characters."""
+    return " ".join("".join(sign if sign.isprintable() else " " for sign in text[:_LONGEST_LINE]).split())
 
 
 @contextmanager
@@ -175,12 +194,15 @@ def _row(scenario: Scenario, controller: VirtualController, reason: str) -> Row:
     packets = {str(direction): count for direction, count in controller.network.packets.items()}
     row["packets_to_controller"], row["packets_to_peer"] = packets["to-controller"], packets["to-peer"]
     row["faults_fired"] = sum(fault.fired for fault in controller.network.reports())
-    if reason:
-        row["outcome"], row["reason"] = "failed", reason
-    elif scenario.capture is None and controller.now_s >= scenario.seconds:
+    if scenario.capture is None and controller.now_s >= scenario.seconds:
+        # Also where it said something of its own about the end of time.
         row["outcome"], row["reason"] = "timeout", f"the application did not end within {scenario.seconds:g} s"
+    elif reason:
+        row["outcome"], row["reason"] = "failed", reason
     refused = report["session"]["refused"] if report["session"] is not None else ()
-    told = broken(scenario.require, row, refusal=refused[-1]["reason"] if refused else "")
+    told = broken(
+        scenario.require, row, refusal=f"{refused[-1]['reason']} (said at {refused[-1]['at_s']:g} s)" if refused else ""
+    )
     if told:
         row["reason"] = "; ".join(filter(None, (row["reason"], told)))
         if row["outcome"] == "passed":
@@ -208,6 +230,10 @@ def _note_answers(row: Row, report: dict[str, Any]) -> None:
         return
     row["messages"], row["answers"], row["quality"] = packets["sent"], packets["received"], session["quality"]
     row["late_answers"] = packets["dropped"]["late"]
+    for outcome, monitor in _REFUSED_FOR.items():
+        if packets["dropped"][outcome] and row["margin_used"] < 1.0:
+            # What was asked for never reached the arm, so no monitor has a figure of it.
+            row["margin_used"], row["margin_monitor"], row["margin_axis"], row["margin_at_s"] = 1.0, monitor, "", 0.0
     row["dropped_answers"] = sum(packets["dropped"].values())
     if latency is not None and packets["received"]:
         row["answer_latency_p50_us"] = latency["p50"]
@@ -243,9 +269,9 @@ class _Tail(TextIOBase):
 
     @property
     def last(self) -> str:
-        """The last line that says something."""
-        lines = [*self._lines, self._open]
-        return next((line.strip()[:_LONGEST_LINE] for line in reversed(lines) if line.strip()), "")
+        """The last line that says something; that of a box of typer's is inside it."""
+        lines = map(one_line, reversed([*self._lines, self._open]))
+        return next((line.strip(_BOX) for line in lines if any(map(str.isalnum, line))), "")
 
     def writable(self) -> bool:
         """Whether it can be written to."""

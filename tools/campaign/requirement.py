@@ -6,7 +6,7 @@ from tools.campaign.scenario import Require, Row
 def broken(require: Require, row: Row, *, refusal: str = "") -> str:
     """Return what of ``require`` was not kept, in words; empty: everything was.
 
-    ``refusal`` is why the controller let nobody command, where that is known.
+    ``refusal`` is why the controller let nobody command, when it last said so.
     """
     told: list[str] = []
     if row["stops"] > require.stops:
@@ -21,5 +21,6 @@ def broken(require: Require, row: Row, *, refusal: str = "") -> str:
     if require.late_answers is not None and row["late_answers"] > require.late_answers:
         told.append(f"{row['late_answers']} late answers (allowed: {require.late_answers})")
     if require.commanded and row["commanded_s"] <= 0.0:
-        told.append(f"nobody commanded the arm{f': {refusal}' if refusal else ''}")
+        answered = f" ({row['answers']} answers, {row['late_answers']} of them late, quality {row['quality']})"
+        told.append(f"nobody commanded the arm{answered if row['messages'] else ''}{f': {refusal}' if refusal else ''}")
     return "; ".join(told)

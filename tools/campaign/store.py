@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final, Self, TextIO
 
 from hil.values.errors import ConfigurationError, UsageError
-from tools.campaign.scenario import COLUMNS, Row
+from tools.campaign.scenario import COLUMNS, Row, Scenario
 from transport.claims import claim_file
 
 ROWS: Final = "rows.jsonl"
@@ -28,7 +28,7 @@ class Store:
         self.folder = folder
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._file: TextIO = (folder / ROWS).open("a+", encoding="utf-8")
+            self._file: TextIO = (folder / ROWS).open("a+", encoding="utf-8", errors="replace")
         except OSError as error:
             raise ConfigurationError(f"cannot keep results in {folder}: {error.strerror}") from error
         try:
@@ -52,6 +52,14 @@ class Store:
     def rows(self) -> Mapping[str, Row]:
         """What was found, by the scenario's key."""
         return self._rows
+
+    def has(self, scenario: Scenario, *, patience_s: float) -> bool:
+        """Whether nothing new is to be expected of a scenario: it is tried again where its worker died, or was ended
+        with less patience than ``patience_s``."""
+        row = self._rows.get(scenario.key)
+        if row is None or row["outcome"] == "worker-died":
+            return False
+        return row["outcome"] != "hung" or row["wall_s"] >= patience_s
 
     def add(self, row: Row) -> None:
         """Keep ``row``, on the disk too."""

@@ -1,7 +1,7 @@
 """What a piece of work costs: a control cycle, inverse kinematics, a cycle of drives."""
 
 from dataclasses import asdict
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 from rich.table import Table
@@ -13,17 +13,20 @@ from hil.config.station import FriConfig, Mode, RobotConfig, ServoConfig
 from hil.values.errors import ConfigurationError
 from hil.values.fri import Release
 
+_ONE_CASE: Final = ("mujoco", Release.V1_15, "fri-overlay", ControlName.POSITION, Mode.AUT)
+"""What is measured where nothing else is asked for."""
+
 
 def cycle(  # noqa: PLR0917  # typer makes the options of the parameters
     robot: Robot = "lbr-iiwa-14-r820",
-    backend: Backend = "mujoco",
-    fri_version: FriVersion = Release.V1_15,
-    motion: Motion = "fri-overlay",
+    backend: Backend = _ONE_CASE[0],
+    fri_version: FriVersion = _ONE_CASE[1],
+    motion: Motion = _ONE_CASE[2],
     control: Annotated[
         ControlName,
         typer.Option(help="Control of the arm under the FRI overlay; impedance comes with its torques or wrenches."),
-    ] = ControlName.POSITION,
-    mode: Annotated[Mode, typer.Option(help="Operation mode; T1 has two monitors more.")] = Mode.AUT,
+    ] = _ONE_CASE[3],
+    mode: Annotated[Mode, typer.Option(help="Operation mode; T1 has two monitors more.")] = _ONE_CASE[4],
     cycles: Annotated[int, typer.Option(min=100, help="Cycles to measure.")] = 20_000,
     all_of_them: Annotated[
         bool, typer.Option("--all", help="A table of every motion, control mode, release and simulated robot side.")
@@ -32,6 +35,8 @@ def cycle(  # noqa: PLR0917  # typer makes the options of the parameters
 ) -> None:
     """Cost of one control cycle, whole and by stage, in virtual time with one client at 1 ms."""
     if all_of_them:
+        if (backend, fri_version, motion, control, mode) != _ONE_CASE:
+            raise ConfigurationError("--all measures every case: of the other options --robot and --cycles go with it")
         _cycle_table(robot, cycles, as_json=as_json)
         return
     from tools.bench.clients import OVERLAY_UNDER, BenchMotion
