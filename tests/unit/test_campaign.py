@@ -105,6 +105,7 @@ def test_every_combination_is_a_scenario_but_what_an_application_leaves_out(writ
         ('station = "nowhere.toml"\n' + program("a"), "nowhere.toml"),
         (program("a/b"), "'a/b' is no name: 1 to 40 letters"),
         ("impairment = []\n" + program("a"), "impairment: "),
+        ('robot_name = "left"\n' + program("a"), "robot_name is one of a station's"),
         (program("a", gains=[]), "application[1].gains: "),
         ("[[application]]\nname = 'a'\nrun = 'no.such'\n", "there is no module no.such that can be run"),
         ("[[application]]\nname = 'a'\nrun = 'json'\n", "there is no module json that can be run"),
@@ -366,8 +367,8 @@ def test_a_program_that_was_changed_is_played_again(
 
 
 def test_a_command_that_was_refused_is_a_limit_that_was_used_up(written: Written) -> None:
-    text = "[require]\nstops = 9\nmargin_used = 0.9\n" + SINE.replace('"1.6"', '"3", "--frequency", "8", "--amplitude", "1.5"')
-    row = play(load_plan(written(text, sine=SINE_PROGRAM)).scenarios[0])
+    fast = SINE.replace('"1.6"', '"3", "--frequency", "8", "--amplitude", "1.5"')
+    row = play(load_plan(written("[require]\nstops = 9\nmargin_used = 0.9\n" + fast, sine=SINE_PROGRAM)).scenarios[0])
     assert (row["margin_used"], row["margin_monitor"]) == (1.0, "axis velocity (refused)")
     assert "100.0% of the limit of axis velocity (refused) used (allowed: 90.0%)" in row["reason"]
 

@@ -150,6 +150,12 @@ class Campaign(_Model):
         return seeds
 
     @model_validator(mode="after")
+    def _a_station_for_its_robot(self) -> Self:
+        if self.robot_name is not None and self.station is None:
+            raise ConfigurationError("robot_name is one of a station's robots: station names its file")
+        return self
+
+    @model_validator(mode="after")
     def _names(self) -> Self:
         axes: dict[str, Sequence[_Axis]] = {
             "application": self.application,
