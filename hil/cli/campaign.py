@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from tools.campaign.plan import Plan
     from tools.campaign.scenario import Row, Scenario
     from tools.campaign.store import Store
+    from tools.campaign.summary import Axis
 
 _INTERRUPTED: Final = 130
 _NAMES_TOLD: Final = 5
@@ -179,30 +180,11 @@ def _replay_command(file: Path, row: "Row") -> str:
 
 
 def _print_summary(console: Console, rows: "Sequence[Row]", file: Path, *, planned: int) -> None:
-    from tools.campaign.summary import first_failure, groups, worst_latencies, worst_margins
+    from tools.campaign.summary import ARMS, NETWORKS, first_failure, groups, worst_latencies, worst_margins
 
-    table = Table(
-        Column("application", overflow="fold"),
-        Column("impairment", overflow="fold"),
-        "passed",
-        "commanded, s",
-        "largest use of a limit",
-        "p99 of answers, ms",
-    )
-    for group in groups(rows):
-        worst = group.worst_margin
-        monitor = f"{worst['margin_used']:.0%} {worst['margin_monitor']} {worst['margin_axis']}".rstrip()
-        latency_us = group.worst_latency_us
-        color = "green" if group.passed == len(group.rows) else "red"
-        table.add_row(
-            escape(group.application),
-            escape(group.impairment),
-            f"[{color}]{group.passed} of {len(group.rows)}[/{color}]",
-            group.commanded_s,
-            monitor if worst["margin_used"] else "-",
-            "-" if latency_us is None else f"{latency_us * 1e-3:.2f}",
-        )
-    console.print(table)
+    _print_groups(console, rows, NETWORKS)
+    if len(groups(rows, ARMS)) > 1:
+        _print_groups(console, rows, ARMS)
     _print_worst(console, "worst margins", worst_margins(rows), _margin_told)
     _print_worst(console, "worst latencies", worst_latencies(rows), _latency_told)
     failure = first_failure(rows)
@@ -215,6 +197,26 @@ def _print_summary(console: Console, rows: "Sequence[Row]", file: Path, *, plann
         console.print(f"[green]all {planned} scenarios passed[/green]")
     elif rows:
         console.print(f"the {len(rows)} that were played passed; {planned - len(rows)} were not")
+
+
+def _print_groups(console: Console, rows: "Sequence[Row]", by: "tuple[Axis, Axis]") -> None:
+    from tools.campaign.summary import groups
+
+    names = (Column(axis, overflow="fold") for axis in by)
+    table = Table(*names, "passed", "commanded, s", "largest use of a limit", "p99 of answers, ms")
+    for group in groups(rows, by):
+        worst = group.worst_margin
+        monitor = f"{worst['margin_used']:.0%} {worst['margin_monitor']} {worst['margin_axis']}".rstrip()
+        latency_us = group.worst_latency_us
+        color = "green" if group.passed == len(group.rows) else "red"
+        table.add_row(
+            *map(escape, group.names),
+            f"[{color}]{group.passed} of {len(group.rows)}[/{color}]",
+            group.commanded_s,
+            monitor if worst["margin_used"] else "-",
+            "-" if latency_us is None else f"{latency_us * 1e-3:.2f}",
+        )
+    console.print(table)
 
 
 def _print_worst(console: Console, title: str, rows: "Sequence[Row]", told: "Callable[[Row], str]") -> None:

@@ -20,7 +20,7 @@ from tools.campaign.play import play
 from tools.campaign.requirement import broken
 from tools.campaign.scenario import Require, Row, Scenario, empty_row
 from tools.campaign.store import ROWS, Store
-from tools.campaign.summary import first_failure, groups, worst_latencies, worst_margins
+from tools.campaign.summary import ARMS, first_failure, groups, worst_latencies, worst_margins
 
 MOVES = """
 import random, sys
@@ -287,9 +287,10 @@ def test_rows_are_kept_and_a_torn_one_is_not(tmp_path: Path) -> None:
 
 def test_the_worst_are_found_and_drawn(tmp_path: Path) -> None:
     rows = some_rows()
-    assert [(group.application, group.impairment, group.passed) for group in groups(rows)] == [
+    assert [(*group.names, group.passed) for group in groups(rows)] == [
         ("a", "x", 2), ("a", "y", 1), ("b", "x", 0),
     ]  # fmt: skip
+    assert [(group.names, group.passed) for group in groups(rows, ARMS)] == [(("g", "l"), 3)]
     assert [row["seed"] for row in worst_margins(rows)] == [3, 2, 1]
     assert [row["seed"] for row in worst_latencies(rows, 2)] == [3, 2]
     assert first_failure(rows) is rows[2]

@@ -39,10 +39,7 @@ def draw(rows: Sequence[Row], file: Path, *, title: str) -> None:
 
 def _margins(axis: Any, rows: Sequence[Row], applications: list[str], impairments: list[str]) -> None:
     # Where nothing moved there is nothing to be proud of: such a cell is grey.
-    worst = {
-        (group.application, group.impairment): group.worst_margin["margin_used"] or float("nan")
-        for group in groups(rows)
-    }
+    worst = {group.names: group.worst_margin["margin_used"] or float("nan") for group in groups(rows)}
     table = [[worst.get((name, impairment), float("nan")) for impairment in impairments] for name in applications]
     axis.set_facecolor("#dddddd")
     axis.imshow(table, cmap="YlOrRd", vmin=0.0, vmax=1.0, aspect="auto")

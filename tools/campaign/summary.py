@@ -1,16 +1,19 @@
-"""What a campaign found, in groups: one for each application and impairment."""
+"""What a campaign found, in groups: of each application and impairment, of each set of gains and load."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, Literal, NamedTuple
 
 from tools.campaign.scenario import Row
 
+Axis = Literal["application", "impairment", "gains", "load"]
+NETWORKS: Final[tuple[Axis, Axis]] = ("application", "impairment")
+ARMS: Final[tuple[Axis, Axis]] = ("gains", "load")
+
 
 class Group(NamedTuple):
-    """Scenarios of one application and one impairment."""
+    """Scenarios with the same choices of two axes."""
 
-    application: str
-    impairment: str
+    names: tuple[str, str]
     rows: tuple[Row, ...]
 
     @property
@@ -35,12 +38,12 @@ class Group(NamedTuple):
         return max((us for row in self.rows if (us := row["answer_latency_p99_us"]) is not None), default=None)
 
 
-def groups(rows: Sequence[Row]) -> list[Group]:
+def groups(rows: Sequence[Row], by: tuple[Axis, Axis] = NETWORKS) -> list[Group]:
     """Return the groups, in the order of the plan."""
     found: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
-        found.setdefault((row["application"], row["impairment"]), []).append(row)
-    return [Group(application, impairment, tuple(rows)) for (application, impairment), rows in found.items()]
+        found.setdefault((row[by[0]], row[by[1]]), []).append(row)
+    return [Group(names, tuple(rows)) for names, rows in found.items()]
 
 
 def worst_margins(rows: Sequence[Row], most: int = 5) -> list[Row]:
