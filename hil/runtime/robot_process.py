@@ -208,6 +208,11 @@ class RobotProcess:
             token_secret=self._token_secret,
         )
 
+    @property
+    def paced_by_robot_side(self) -> bool:
+        """Whether the robot side is a network peer whose messages are the cycles, once it is open."""
+        return self._parts is not None and isinstance(self._parts.backend, PeerBackend)
+
     def stop(self) -> None:
         """Ask for the end: the arm brakes, the session closes, then :meth:`run` returns."""
         self._stopping.set()
@@ -373,7 +378,8 @@ class RobotProcess:
         # A clock that was set meanwhile, or a driver that makes up stamps, must not make answers timeless.
         if not 0 <= waited_ns <= BELIEVED_WAIT_NS:
             waited_ns = 0
-        now_ns = self._clock.now_ns() - self._epoch_ns - waited_ns
+        # What came before time 0, and waited, came at it: there is nothing before.
+        now_ns = max(0, self._clock.now_ns() - self._epoch_ns - waited_ns)
         if self.controller.receive(arrival.datagram, source, now_ns=now_ns) and self._robot_side_pacer is not None:
             self._robot_side_pacer.message(at_ns=now_ns + self._epoch_ns)
         self._journal.received(arrival.datagram, source.address, self._ports[source.link].local, at_ns=now_ns)

@@ -41,7 +41,7 @@ NO_PAD = "off"
 START_DELAY_NS = 5_000_000
 """Between the decision to start and the first cycle, so that the first one is not late already.
 
-Not longer: a robot side that paces the cycle speaks meanwhile, and nothing can be used before time 0.
+A robot side that paces the cycle is not waited for: it speaks meanwhile, and nothing can be used before time 0.
 """
 
 
@@ -217,11 +217,11 @@ class _Run:
 
     def _start(self) -> None:
         """Give all robots their time axes, spread over one millisecond so that their cycles do not collide."""
-        self._epoch_ns = self._clock.now_ns() + START_DELAY_NS
-        unix_epoch_ns = unix_time_ns() + START_DELAY_NS
+        now_ns, unix_now_ns = self._clock.now_ns(), unix_time_ns()
+        self._epoch_ns = now_ns + START_DELAY_NS
         for index, robot in enumerate(self._robots):
-            phase_ns = index * 1_000_000 // len(self._robots)
-            robot.start(unix_epoch_ns=unix_epoch_ns + phase_ns, epoch_ns=self._epoch_ns + phase_ns)
+            delay_ns = 0 if robot.paced_by_robot_side else START_DELAY_NS + index * 1_000_000 // len(self._robots)
+            robot.start(unix_epoch_ns=unix_now_ns + delay_ns, epoch_ns=now_ns + delay_ns)
 
     def _say_start(self) -> None:
         for robot in self._robots:
