@@ -6,23 +6,23 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Final, Self
+from typing import Annotated, Any, Final, NamedTuple, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from backends.registry import check_backend, load_plugin
-from backends.robots import load_description
 from hil.config.frames import LoadConfig
 from hil.config.station import first_problems, parse_robot, robot_keys
-from hil.runtime.assembly import make_servo_codec
 from hil.values.errors import ConfigurationError, HilError
 from tools.campaign.program import Programs
+from tools.campaign.robot_kinds import RobotKinds
 from tools.campaign.scenario import Require, Scenario
 from transport.impairment import parse_fault
 
 MOST_SCENARIOS: Final = 1_000_000
 _NAME: Final = re.compile(r"[\w.+-][\w.+, -]{0,39}")
 _DEFAULT_ROBOT: Final[Mapping[str, Any]] = {"fri": {}, "servo": {}}
+
+_NAMES: Final = "1 to 40 letters, digits, spaces, commas and . + - _"
 
 
 def _named(name: str) -> str:
@@ -31,7 +31,6 @@ def _named(name: str) -> str:
     return name
 
 
-_NAMES: Final = "1 to 40 letters, digits, spaces, commas and . + - _"
 Name = Annotated[str, AfterValidator(_named), Field(description=_NAMES)]
 
 
@@ -201,14 +200,12 @@ def load_plan(path: Path) -> Plan:
         campaign = Campaign.model_validate(content)
     except ValidationError as error:
         raise ConfigurationError(f"{path}: {first_problems(error, listed='docs/campaigns.md lists all')}") from None
-    base, programs = _base(campaign, path), Programs(path.parent)
+    shared = _Shared(path, _base(campaign, path), Programs(path.parent), RobotKinds())
     count = len(campaign.numbers) * sum(1 for _ in _combinations(campaign))
     if count > MOST_SCENARIOS:
         raise ConfigurationError(f"{path}: {count} scenarios; {MOST_SCENARIOS} at most")
     scenarios = [
-        scenario
-        for combination in _combinations(campaign)
-        for scenario in _seeded(campaign, combination, base, path, programs)
+        scenario for combination in _combinations(campaign) for scenario in _seeded(campaign, combination, shared)
     ]
     if not scenarios:
         raise ConfigurationError(f"{path}: nothing goes with anything: no application has all it is combined with")
@@ -237,12 +234,20 @@ def _base(campaign: Campaign, path: Path) -> dict[str, Any]:
     return laid_over(robot_keys(path.parent / campaign.station, campaign.robot_name, where=str(path)), campaign.robot)
 
 
-def _seeded(
-    campaign: Campaign, combination: _Combination, base: Mapping[str, Any], path: Path, programs: Programs
-) -> Iterator[Scenario]:
+class _Shared(NamedTuple):
+    """What all scenarios of a file have: where it is, the robot below theirs, and what was looked up already."""
+
+    path: Path
+    base: Mapping[str, Any]
+    programs: Programs
+    robots: RobotKinds
+
+
+def _seeded(campaign: Campaign, combination: _Combination, shared: _Shared) -> Iterator[Scenario]:
     application, impairment, gains, load = combination
-    where = f"{path}: {'/'.join(one.name for one in combination)}"
-    robot = dict(base)
+    programs = shared.programs
+    where = f"{shared.path}: {'/'.join(one.name for one in combination)}"
+    robot = dict(shared.base)
     capture: Path | None = None
     if application.capture is not None:
         capture = programs.file(application.capture, where)
@@ -250,7 +255,11 @@ def _seeded(
     for axis in combination:
         robot = laid_over(robot, axis.keys())
     robot.pop("kst", None)
-    _check_robot(robot, where)
+    config = parse_robot(robot, where=where)
+    try:
+        shared.robots.check(config)
+    except HilError as error:
+        raise ConfigurationError(f"{where}: {error}") from error
     run = None if application.run is None else programs.run(application.run, where)
     arguments = () if run is None else (*application.arguments, *gains.arguments)
     content = programs.digest_of_run(run, arguments) if run is not None else ""
@@ -272,19 +281,6 @@ def _seeded(
             require=campaign.require,
             content=content,
         )
-
-
-def _check_robot(robot: dict[str, Any], where: str) -> None:
-    config = parse_robot(robot, where=where)
-    try:
-        load_description(config.model)
-        check_backend(config.backend, config.options)
-        if load_plugin(config.backend).capabilities().paces_the_cycle:
-            raise ConfigurationError(f"backend {config.backend} paces the cycle, so it cannot be in virtual time")
-        if config.servo is not None:
-            make_servo_codec(config.servo)
-    except HilError as error:
-        raise ConfigurationError(f"{where}: {error}") from error
 
 
 def _recorded_robot(capture: Path, base: Mapping[str, Any], campaign: Campaign, where: str) -> dict[str, Any]:

@@ -31,11 +31,10 @@ class Programs:
 
     def run(self, run: str, where: str) -> str:
         """Return what is to be run for ``run``: the place of a file, or a module; raise :class:`ConfigurationError`."""
-        if run not in self._sources:
-            place = str(self.file(Path(run), where)) if run.endswith(".py") else run
-            self._sources[place] = self._sources[run] = tuple(_sources(place, where))
-            return place
-        return str(self.file(Path(run), where)) if run.endswith(".py") else run
+        place = str(self.file(Path(run), where)) if run.endswith(".py") else run
+        if place not in self._sources:
+            self._sources[place] = tuple(_sources(place, where))
+        return place
 
     def digest_of_run(self, place: str, arguments: Iterable[str]) -> str:
         """Return the digest of all that a program from :meth:`run` is made of."""
