@@ -144,7 +144,7 @@ class TrajectoryPlanner:
             request.synchronization = Synchronization.No
             planned = self._plan(request, start, margin_rad)
             request.synchronization = Synchronization.Time
-            if isinstance(planned, Fault) and (start.velocity_rad_s, start.acceleration_rad_s2) != (STILL, STILL):
+            if isinstance(planned, Fault) and not start.stands:
                 return self._by_way_of_rest(start, goal_rad, minimum_time_s) or planned
         return planned
 

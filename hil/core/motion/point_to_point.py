@@ -115,15 +115,14 @@ class PointToPoint(ApplicationMotion):
 
     def _brakes_first(self, start: SetPoint) -> SetPoint:
         """Return where the way begins: in T1 at rest, because no way from a moving start is sure to be slow enough."""
-        moves = start.velocity_rad_s != STILL or start.acceleration_rad_s2 != STILL
-        if self.basis.flange.limit_mm_s is None or not moves:
+        if self.basis.flange.limit_mm_s is None or start.stands:
             return start
         self._brake = Brake(start, limits=self.basis.limits, cycle_s=self._cycle_s)
         return SetPoint(self._brake.end_rad, STILL)
 
     def _plan(self, start: SetPoint, point: Destination) -> Plan | Fault:
         limits = point_to_point_limits(self.basis, self.parameters)
-        if start.velocity_rad_s == STILL and start.acceleration_rad_s2 == STILL:
+        if start.stands:
             limits = self.basis.flange.straight(start.position_rad, point.planned_rad, limits)
             return TrajectoryPlanner(limits, cycle_s=self._cycle_s).along_line(start, point.planned_rad)
         return TrajectoryPlanner(limits, cycle_s=self._cycle_s).to_goal(admissible(start, limits), point.planned_rad)

@@ -18,6 +18,11 @@ class SetPoint(NamedTuple):
     velocity_rad_s: Seven
     acceleration_rad_s2: Seven = STILL
 
+    @property
+    def stands(self) -> bool:
+        """Whether nothing moves, and nothing is about to."""
+        return self.velocity_rad_s == STILL and self.acceleration_rad_s2 == STILL
+
 
 class Motion(Protocol):
     """One motion; it is asked once a control cycle."""

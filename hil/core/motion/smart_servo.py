@@ -90,10 +90,9 @@ class SmartServo(ServoMotion):
 
     def _take_over(self, start: SetPoint, goal: Destination | None, *, now_ns: int) -> Fault | None:
         start = self._set_point = admissible(start, self._limits)
-        rests = start.velocity_rad_s == STILL and start.acceleration_rad_s2 == STILL
-        stop = None if rests else self._planner.to_rest(start)
         if goal is not None:
             return self._aim(goal)
+        stop = None if start.stands else self._planner.to_rest(start)
         if isinstance(stop, Fault):
             return stop
         self.destination_at_ns = now_ns
