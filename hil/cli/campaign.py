@@ -109,12 +109,7 @@ def _play_all(  # noqa: PLR0917
             interrupted = True
         rows = [store.rows[one.key] for one in plan.scenarios if one.key in store.rows]
         if rows:
-            try:
-                _write_results(console, rows, out, title=f"{file.name}: {len(rows)} of {len(plan.scenarios)} scenarios")
-            except OSError as error:
-                raise UsageError(
-                    f"cannot write the results in {out}: {error.strerror or error}; the rows are kept"
-                ) from error
+            _write_results(console, rows, out, title=f"{file.name}: {len(rows)} of {len(plan.scenarios)} scenarios")
     if interrupted:
         console.print(f"interrupted: {len(rows)} of {len(plan.scenarios)} are done; the same command goes on")
     _print_summary(console, rows, file, planned=len(plan.scenarios))
@@ -161,18 +156,27 @@ def _rows(
 
 
 def _write_results(console: Console, rows: "Sequence[Row]", out: Path, *, title: str) -> None:
+    from tools.campaign.store import PARQUET
+
+    try:
+        written = _written(rows, out, title=title)
+    except OSError as error:
+        why = error.strerror or error
+        raise UsageError(f"cannot write the results in {out}: {why}; the rows are kept") from error
+    if PARQUET not in written:
+        console.print("no Parquet, for pyarrow is not installed: pip install 'fri-hil[campaign]'", markup=False)
+    console.print(f"wrote {', '.join(written)} in {out}", markup=False)
+
+
+def _written(rows: "Sequence[Row]", out: Path, *, title: str) -> list[str]:
+    """Write table and picture, and return the files' names."""
     from tools.campaign.picture import draw
     from tools.campaign.store import CSV, PARQUET, PICTURE, write_csv, write_parquet
 
     write_csv(rows, out / CSV)
-    written = [CSV]
-    if write_parquet(rows, out / PARQUET):
-        written.append(PARQUET)
-    else:
-        console.print("no Parquet, for pyarrow is not installed: pip install 'fri-hil[campaign]'", markup=False)
+    parquet = write_parquet(rows, out / PARQUET)
     draw(rows, out / PICTURE, title=title)
-    written.append(PICTURE)
-    console.print(f"wrote {', '.join(written)} in {out}", markup=False)
+    return [CSV, *([PARQUET] if parquet else []), PICTURE]
 
 
 def _replay_command(file: Path, row: "Row") -> str:

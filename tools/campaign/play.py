@@ -186,6 +186,7 @@ def _row(scenario: Scenario, controller: VirtualController, reason: str) -> Row:
         row["first_stop_s"], row["first_stop"] = round(stops[0].at_ns * 1e-9, 6), str(stops[0])
     row["commanded_s"] = round(_commanded_ns(events, round(controller.now_s * 1e9)) * 1e-9, 6)
     _note_margins(row, report["margins"])
+    _note_refusals(row, report["packets"])
     _note_answers(row, report)
     servo = report["servo"]
     if servo is not None:
@@ -224,16 +225,19 @@ def _note_margins(row: Row, margins: dict[str, dict[str, Any]]) -> None:
         row["margin_axis"], row["margin_at_s"] = margin["axis"] or "", margin["at_s"]
 
 
+def _note_refusals(row: Row, packets: dict[str, Any] | None) -> None:
+    """A command that was refused for a limit never reached the arm, so no monitor has a figure of it."""
+    refused_for = [name for outcome, name in _REFUSED_FOR.items() if packets and packets["dropped"][outcome]]
+    if refused_for and row["margin_used"] < 1.0:
+        row["margin_used"], row["margin_monitor"], row["margin_axis"], row["margin_at_s"] = 1.0, refused_for[0], "", 0.0
+
+
 def _note_answers(row: Row, report: dict[str, Any]) -> None:
     latency, packets, session = report["answer_latency_us"], report["packets"], report["session"]
     if packets is None:
         return
     row["messages"], row["answers"], row["quality"] = packets["sent"], packets["received"], session["quality"]
     row["late_answers"] = packets["dropped"]["late"]
-    for outcome, monitor in _REFUSED_FOR.items():
-        if packets["dropped"][outcome] and row["margin_used"] < 1.0:
-            # What was asked for never reached the arm, so no monitor has a figure of it.
-            row["margin_used"], row["margin_monitor"], row["margin_axis"], row["margin_at_s"] = 1.0, monitor, "", 0.0
     row["dropped_answers"] = sum(packets["dropped"].values())
     if latency is not None and packets["received"]:
         row["answer_latency_p50_us"] = latency["p50"]

@@ -1,7 +1,7 @@
 """What a piece of work costs: a control cycle, inverse kinematics, a cycle of drives."""
 
 from dataclasses import asdict
-from typing import Annotated, Final
+from typing import Annotated, Final, NamedTuple
 
 import typer
 from rich.table import Table
@@ -13,20 +13,30 @@ from hil.config.station import FriConfig, Mode, RobotConfig, ServoConfig
 from hil.values.errors import ConfigurationError
 from hil.values.fri import Release
 
-_ONE_CASE: Final = ("mujoco", Release.V1_15, "fri-overlay", ControlName.POSITION, Mode.AUT)
-"""What is measured where nothing else is asked for."""
+
+class _Case(NamedTuple):
+    """What one cycle is measured of, and what of where nothing else is asked for."""
+
+    backend: str = "mujoco"
+    fri_version: Release = Release.V1_15
+    motion: str = "fri-overlay"
+    control: ControlName = ControlName.POSITION
+    mode: Mode = Mode.AUT
+
+
+_USUAL: Final = _Case()
 
 
 def cycle(  # noqa: PLR0917  # typer makes the options of the parameters
     robot: Robot = "lbr-iiwa-14-r820",
-    backend: Backend = _ONE_CASE[0],
-    fri_version: FriVersion = _ONE_CASE[1],
-    motion: Motion = _ONE_CASE[2],
+    backend: Backend = _USUAL.backend,
+    fri_version: FriVersion = _USUAL.fri_version,
+    motion: Motion = _USUAL.motion,
     control: Annotated[
         ControlName,
         typer.Option(help="Control of the arm under the FRI overlay; impedance comes with its torques or wrenches."),
-    ] = _ONE_CASE[3],
-    mode: Annotated[Mode, typer.Option(help="Operation mode; T1 has two monitors more.")] = _ONE_CASE[4],
+    ] = _USUAL.control,
+    mode: Annotated[Mode, typer.Option(help="Operation mode; T1 has two monitors more.")] = _USUAL.mode,
     cycles: Annotated[int, typer.Option(min=100, help="Cycles to measure.")] = 20_000,
     all_of_them: Annotated[
         bool, typer.Option("--all", help="A table of every motion, control mode, release and simulated robot side.")
@@ -35,7 +45,7 @@ def cycle(  # noqa: PLR0917  # typer makes the options of the parameters
 ) -> None:
     """Cost of one control cycle, whole and by stage, in virtual time with one client at 1 ms."""
     if all_of_them:
-        if (backend, fri_version, motion, control, mode) != _ONE_CASE:
+        if _Case(backend, fri_version, motion, control, mode) != _USUAL:
             raise ConfigurationError("--all measures every case: of the other options --robot and --cycles go with it")
         _cycle_table(robot, cycles, as_json=as_json)
         return
@@ -74,9 +84,8 @@ def _cycle_table(robot: str, cycles: int, *, as_json: bool) -> None:
     with progress_bar("cases", len(CASES) * len(BACKENDS)) as (bar, task):
         rows = list(bench_table(robot, cycles=cycles, progress=lambda done: bar.update(task, advance=done)))
     bounds = bounds_of(rows)
-    cases = [{"case": row.case, **as_dict(row.report)} for row in rows]
-    found = {"cases": cases, "bounds": [bound._asdict() for bound in bounds]}
-    if (console := console_for(found, as_json=as_json)) is None:
+    found = {"cases": [{"case": row.case, **as_dict(row.report)} for row in rows]}
+    if (console := console_for(found, as_json=as_json, bounds=bounds)) is None:
         return
     table = Table("", "robot side", "p50 us", "p99 us", "max us", "virtual time", title=f"one cycle: {robot}")
     for row in rows:
@@ -117,8 +126,7 @@ def can402(
     check_backend("can402")
     with progress_bar("cycles", cycles) as (bar, task):
         report = bench_can402(robot=robot, cycles=cycles, progress=lambda done: bar.update(task, completed=done))
-    found = {**asdict(report), "bounds": [bound._asdict() for bound in report.bounds()]}
-    if (console := console_for(found, as_json=as_json)) is None:
+    if (console := console_for(asdict(report), as_json=as_json, bounds=report.bounds())) is None:
         return
     table = Table("", "p50 us", "p99 us", "p99.9 us", "max us", title=f"seven drives, {report.cycles} cycles")
     table.add_row("write, SYNC, drives, read", *numbers(report.cycle_us))

@@ -97,8 +97,7 @@ def chain(  # noqa: PLR0917  # typer makes the options of the parameters
             progress=lambda done: bar.update(task, completed=done),
         )
     bounds = report.bounds()
-    found = {**asdict(report), "bounds": [bound._asdict() for bound in bounds]}
-    if (console := console_for(found, as_json=as_json)) is None:
+    if (console := console_for(asdict(report), as_json=as_json, bounds=bounds)) is None:
         return
     table = Table("", "p50 us", "p99 us", "p99.9 us", "max us", title=f"answer latency at {send_period} ms")
     table.add_row("plain FRI client", *numbers(report.plain["answer_latency_us"]))
@@ -127,8 +126,7 @@ def kst(
             progress=lambda done: bar.update(task, completed=done),
         )
     bounds = report.bounds()
-    found = {**asdict(report), "bounds": [bound._asdict() for bound in bounds]}
-    if (console := console_for(found, as_json=as_json)) is None:
+    if (console := console_for(asdict(report), as_json=as_json, bounds=bounds)) is None:
         return
     table = Table("set-points", "Hz", "p50 ms", "p99 ms", "p99.9 ms", "max ms", title="set-point to reply")
     for loop in report.loops:

@@ -31,8 +31,7 @@ def start(
             progress=lambda done: bar.update(task, completed=done),
         )
     bounds = report.bounds()
-    found = {**asdict(report), "bounds": [bound._asdict() for bound in bounds]}
-    if (console := console_for(found, as_json=as_json)) is None:
+    if (console := console_for(asdict(report), as_json=as_json, bounds=bounds)) is None:
         return
     taken = report.first_packet_s
     console.print(
@@ -74,8 +73,8 @@ def rate(  # noqa: PLR0917  # typer makes the options of the parameters
             progress=lambda done: bar.update(task, completed=done),
         )
     figures, bounds = report.robot, report.bounds()
-    found = {"robot": figures, "client": report.client, "bounds": [bound._asdict() for bound in bounds]}
-    if (console := console_for(found, as_json=as_json)) is None:
+    found = {"robot": figures, "client": report.client}
+    if (console := console_for(found, as_json=as_json, bounds=bounds)) is None:
         return
     table = Table("", "p50 us", "p99 us", "p99.9 us", "max us", title=f"{seconds:g} s: {robot}, {backend}, 1 ms")
     for label, name in (("lateness", "lateness_us"), ("cycle", "cycle_us"), ("answer latency", "answer_latency_us")):
@@ -136,9 +135,8 @@ def arms(  # noqa: PLR0917  # typer makes the options of the parameters
             progress=lambda done: bar.update(task, completed=done),
         )
     bounds = bounds_of(reports)
-    runs = [asdict(report) for report in reports]
-    found = {"runs": runs, "bounds": [bound._asdict() for bound in bounds]}
-    if (console := console_for(found, as_json=as_json)) is None:
+    found = {"runs": [asdict(report) for report in reports]}
+    if (console := console_for(found, as_json=as_json, bounds=bounds)) is None:
         return
     table = Table(
         *("arms", "processes", "Hz", "lateness p99, us", "missed, %", "cycle p50, us", "commanded to the end", ""),

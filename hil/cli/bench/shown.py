@@ -1,7 +1,7 @@
 """What all benchmarks show alike: progress, figures, the machine, bounds."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -26,11 +26,16 @@ def numbers(figures: dict[str, Any]) -> list[str]:
     return ["-" if figure is None else f"{figure:.1f}" for figure in figures.values()]
 
 
-def console_for(found: dict[str, Any], *, as_json: bool) -> Console | None:
-    """Print what was found as JSON, machine included, and return None; else print the machine, and return a console."""
+def console_for(found: dict[str, Any], *, as_json: bool, bounds: "Sequence[Bound] | None" = None) -> Console | None:
+    """Print what was found as JSON, machine included, and return None; else print the machine, and return a console.
+
+    ``bounds`` are those that ``found`` does not have yet.
+    """
     from tools.bench.machine import machine
 
     if as_json:
+        if bounds is not None:
+            found = {**found, "bounds": [bound._asdict() for bound in bounds]}
         typer.echo(json.dumps({"machine": machine(), **found}, indent=2))
         return None
     console = Console()

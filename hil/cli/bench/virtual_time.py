@@ -85,8 +85,7 @@ def memory(
     with progress_bar("virtual minutes", minutes) as (bar, task):
         report = bench_memory(config, minutes=minutes, progress=lambda done: bar.update(task, completed=done))
     bounds = report.bounds()
-    found = {**asdict(report), "bounds": [bound._asdict() for bound in bounds]}
-    if (console := console_for(found, as_json=as_json)) is None:
+    if (console := console_for(asdict(report), as_json=as_json, bounds=bounds)) is None:
         return
     table = Table("virtual time, min", "resident, MB", "Python's blocks", title="memory")
     every = max(1, len(report.resident_mb) // 10)
